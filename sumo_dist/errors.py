@@ -1,0 +1,20 @@
+"""The one error family of the project, and the exit codes it maps to."""
+
+from collections.abc import Iterable
+
+
+class SumoError(Exception):
+    """Root of every error raised on purpose: a fault of the system (exit code 3)."""
+
+    exit_code = 3
+
+
+class UsageError(SumoError):
+    """The user gave something invalid; the message names what is valid (exit code 2)."""
+
+    exit_code = 2
+
+
+def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:
+    """Build the error for a name that is not in a set of valid names."""
+    return UsageError(f"unknown {kind} {name!r}; valid: {', '.join(sorted(valid)) or '(none)'}")

@@ -1,0 +1,75 @@
+"""What a robot is to the planner: a model, a stance, a policy and a space of actions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sumo_dist.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A legged robot driven by a pretrained low-level policy.
+
+    Joint tuples follow the model's qpos order; positions are in rad, heights in m.
+    """
+
+    name: str
+    mjcf: str  # path below assets/
+    base: str  # body that carries the free joint
+    joints: tuple[str, ...]  # the actuated joints, in qpos and actuator order
+    stand: tuple[float, ...]  # joint positions of the stance every task starts from [rad]
+    stand_height: float  # base height of that stance before it is settled [m]
+    sit: tuple[float, ...]  # joint positions of the safe stop [rad]
+    fall_height: float  # below this base height the robot counts as fallen [m]
+    policy: str  # name in policies/manifest.toml
+    default_command: tuple[float, ...]  # policy command that makes it stand still
+
+
+@dataclass(frozen=True)
+class ActionSpace:
+    """The planner's action a and the map c = g(a) to the policy's command.
+
+    Attributes:
+        names: what each of the nu dimensions is.
+        lower, upper: (nu,) physical limits; a dimension with lower == upper is fixed.
+        default: (nu,) the action of a robot that stands and waits.
+        to_command: (..., nu) physical action -> (..., nc) policy command, elementwise.
+    """
+
+    names: tuple[str, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    default: np.ndarray
+    to_command: Callable[[np.ndarray], np.ndarray]
+    searched: np.ndarray = field(init=False)  # (ns,) indices of the dimensions with width
+
+    def __post_init__(self) -> None:
+        shapes = {np.shape(v) for v in (self.lower, self.upper, self.default)}
+        if shapes != {(len(self.names),)}:
+            raise UsageError(f"action space: limits of shapes {shapes} for {len(self.names)} names")
+        if np.any(self.lower > self.upper):
+            raise UsageError("action space: a lower limit exceeds its upper limit")
+        object.__setattr__(self, "searched", np.flatnonzero(self.upper > self.lower))
+
+    @property
+    def size(self) -> int:
+        """Number ns of dimensions that are searched."""
+        return len(self.searched)
+
+    def physical(self, unit: np.ndarray) -> np.ndarray:
+        """Map searched dimensions in [-1, 1], (..., ns), to full physical actions, (..., nu)."""
+        lower, upper = self.lower[self.searched], self.upper[self.searched]
+        actions = np.broadcast_to(self.lower, (*unit.shape[:-1], len(self.names))).copy()
+        actions[..., self.searched] = lower + (unit + 1.0) * 0.5 * (upper - lower)
+        return actions
+
+    def unit(self, action: np.ndarray) -> np.ndarray:
+        """Map full physical actions, (..., nu), to searched dimensions in [-1, 1], (..., ns)."""
+        lower, upper = self.lower[self.searched], self.upper[self.searched]
+        return (action[..., self.searched] - lower) / (upper - lower) * 2.0 - 1.0
+
+    def commands(self, unit: np.ndarray) -> np.ndarray:
+        """c = g(a): unit actions (..., ns) to policy commands (..., nc)."""
+        return self.to_command(self.physical(unit))

@@ -1,0 +1,75 @@
+"""What every rollout engine offers: s' = f(s, policy(s, c)) for many rows at once."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+TICK = 0.02  # one policy step [s]; all of robot time is counted in these
+
+
+@dataclass(frozen=True)
+class FrameRef:
+    """A frame whose pose the engine records: a site or a body of the model."""
+
+    kind: str  # "site" | "body"
+    name: str
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """B rollouts of T policy steps. Row k is the state AFTER step k, with frames of that instant.
+
+    Attributes:
+        states: (B, T, nq + nv) qpos then qvel.
+        positions: (B, T, F, 3) frame origins, world [m].
+        rotations: (B, T, F, 3, 3) frame axes as columns, world.
+        memory: (B, nm) policy memory after the last step, float32.
+        valid: (B,) False where a rollout diverged or became non-finite.
+    """
+
+    states: np.ndarray
+    positions: np.ndarray
+    rotations: np.ndarray
+    memory: np.ndarray
+    valid: np.ndarray
+
+
+class Controller(Protocol):
+    """The low-level policy as a function; the robot runs this, the engine runs its twin."""
+
+    def initial_memory(self) -> np.ndarray:
+        """Return the memory of a policy that was just started, (nm,) float32."""
+        ...
+
+    def step(
+        self, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray, memory: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(nq,), (nv,), (nc,), (nm,) -> joint targets (nu,) [rad] and the next memory (nm,)."""
+        ...
+
+
+class Engine(Protocol):
+    """Policy-in-the-loop rollouts on one model. Not thread-safe; close it when done."""
+
+    name: str  # "native-avx2" | "native-portable" | "fallback"
+    build: str  # identifies code, kernel and MuJoCo version; equal builds give equal bits
+    frames: tuple[FrameRef, ...]
+
+    def rollout(self, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Rollouts:
+        """Roll out B command sequences from one state.
+
+        Args:
+            state: (nq + nv,) float64.
+            memory: (nm,) float32 policy memory before the first step.
+            commands: (B, T, nc) float64.
+        """
+        ...
+
+    def frame_poses(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions (F, 3) and rotations (F, 3, 3) of the frames at one state."""
+        ...
+
+    def close(self) -> None:
+        """Stop the engine's threads and free its simulations."""
+        ...
