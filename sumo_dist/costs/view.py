@@ -1,0 +1,101 @@
+"""Named arrays for cost functions: `r.object.pos` instead of index arithmetic."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.model.index import StateIndex
+from sumo_dist.rollout.interface import FrameRef
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One named frame over B rollouts and T steps, in the world frame.
+
+    Attributes:
+        name: the frame's name in the task.
+        pos: (B, T, 3) origin [m].
+        rot: (B, T, 3, 3) axes as columns.
+        velocity: (B, T, 6) linear velocity of the origin, world [m/s], and angular velocity, body
+            [rad/s]; None for a frame that is not a free body.
+    """
+
+    name: str
+    pos: np.ndarray
+    rot: np.ndarray
+    velocity: np.ndarray | None = None
+
+    @property
+    def x(self) -> np.ndarray:
+        """(B, T, 3) the frame's x axis, world."""
+        return self.rot[..., 0]
+
+    @property
+    def y(self) -> np.ndarray:
+        """(B, T, 3) the frame's y axis, world."""
+        return self.rot[..., 1]
+
+    @property
+    def z(self) -> np.ndarray:
+        """(B, T, 3) the frame's z axis, world."""
+        return self.rot[..., 2]
+
+    @property
+    def linvel(self) -> np.ndarray:
+        """(B, T, 3) linear velocity of the origin, world [m/s]."""
+        return self._twist()[..., :3]
+
+    @property
+    def angvel(self) -> np.ndarray:
+        """(B, T, 3) angular velocity, body frame [rad/s]."""
+        return self._twist()[..., 3:]
+
+    def _twist(self) -> np.ndarray:
+        if self.velocity is None:
+            raise UsageError(f"frame {self.name!r} has no velocity: it is not a body with a free joint")
+        return self.velocity
+
+
+class View:
+    """What a cost or success function sees; frames are attributes (`r.gripper`, `r.object`)."""
+
+    def __init__(self, frames: Mapping[str, Frame], actions: np.ndarray) -> None:
+        """Hold frames by name and the physical actions (B, T, nu)."""
+        self._frames = frames
+        self.actions = actions
+
+    def __getattr__(self, name: str) -> Frame:
+        """Return the frame of that name, or say which names there are."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self._frames:
+            raise unknown("frame", name, self._frames)
+        return self._frames[name]
+
+
+class ViewLayout:
+    """Where the named frames of a task lie in an engine's output."""
+
+    def __init__(self, model: mujoco.MjModel, frames: Mapping[str, FrameRef]) -> None:
+        """Resolve frame names against a compiled model."""
+        self.names = tuple(frames)
+        self.refs = tuple(frames.values())
+        index = StateIndex(model)
+        self._velocity = {
+            name: index.velocity(ref.name)
+            for name, ref in frames.items()
+            if ref.kind == "body" and ref.name in index.free_bodies
+        }
+
+    def view(
+        self, states: np.ndarray, positions: np.ndarray, rotations: np.ndarray, actions: np.ndarray
+    ) -> View:
+        """Name the arrays of B rollouts: see rollout.interface.Rollouts for the shapes."""
+        frames = {}
+        for i, name in enumerate(self.names):
+            velocity = states[..., self._velocity[name]] if name in self._velocity else None
+            frames[name] = Frame(name, positions[:, :, i], rotations[:, :, i], velocity)
+        return View(frames, actions)
