@@ -1,0 +1,22 @@
+"""Sampling optimizers by name."""
+
+from sumo_dist.errors import unknown
+from sumo_dist.optim.cem import CrossEntropy
+from sumo_dist.optim.mppi import PathIntegral
+from sumo_dist.optim.optimizer import Belief, Optimizer, noise_ramp, sample
+from sumo_dist.optim.ps import PredictiveSampling
+
+OPTIMIZERS = ("cem", "mppi", "ps")
+
+__all__ = ["OPTIMIZERS", "Belief", "Optimizer", "make_optimizer", "noise_ramp", "sample"]
+
+
+def make_optimizer(name: str, elites: int, temperature: float) -> Optimizer:
+    """Build an optimizer; each takes of the parameters what it knows."""
+    if name == "cem":
+        return CrossEntropy(elites)
+    if name == "mppi":
+        return PathIntegral(temperature)
+    if name == "ps":
+        return PredictiveSampling()
+    raise unknown("optimizer", name, OPTIMIZERS)

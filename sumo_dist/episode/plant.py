@@ -1,0 +1,113 @@
+"""The simulated robot and world: what the plan is executed on."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.model.scene import PLANT, ModelOptions, Scene, compile_model
+from sumo_dist.rollout.interface import TICK
+
+ENCODER_PERIOD_MS = 3  # 333 Hz joint encoders (paper)
+
+
+def mocap_times_ms(first: int, last: int) -> np.ndarray:
+    """Millisecond stamps in (first, last] at which a 120 Hz motion capture sends a frame."""
+    frames = np.arange(first * 3 // 25, last * 3 // 25 + 2)
+    stamps = np.round(frames * 25 / 3).astype(int)
+    return stamps[(stamps > first) & (stamps <= last)]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the sensors saw since the tick before, up to the instant of this tick.
+
+    Attributes:
+        tick: policy tick.
+        truth: (nq + nv,) the plant's state; empty if the robot has no such oracle.
+        encoder_ms, encoders: (E,) stamps and (E, 2 nj) joint positions and velocities.
+        mocap_ms, mocap: (M,) stamps and (M, bodies, 7) poses: position, quaternion wxyz.
+    """
+
+    tick: int
+    truth: np.ndarray
+    encoder_ms: np.ndarray
+    encoders: np.ndarray
+    mocap_ms: np.ndarray
+    mocap: np.ndarray
+
+
+class Plant:
+    """MuJoCo behind the interface of a robot: joint targets in, readings out, one tick a step."""
+
+    def __init__(self, scene: Scene, state: np.ndarray, sensors: str = "truth") -> None:
+        """Start at a state (nq + nv,).
+
+        Args:
+            scene: robot and objects.
+            state: initial state.
+            sensors: "truth", the state itself at 0.01 s physics; or "packets", encoder and
+                motion-capture packets at 0.001 s physics.
+        """
+        timestep = PLANT.timestep if sensors == "truth" else 0.001
+        options = ModelOptions(timestep, PLANT.fluid_density)
+        self.model = compile_model(scene, options)
+        self._data = mujoco.MjData(self.model)
+        self._substeps = round(TICK / timestep)
+        self._packets = sensors == "packets"
+        self.tick = 0
+        if np.shape(state) != (self.model.nq + self.model.nv,):
+            raise UsageError(f"initial state has shape {np.shape(state)}, needs ({self.model.nq + self.model.nv},)")
+        self._data.qpos[:], self._data.qvel[:] = np.split(state, [self.model.nq])
+        mujoco.mj_forward(self.model, self._data)
+        free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        self._free_qpos = self.model.jnt_qposadr[free]
+        joints = self.model.actuator_trnid[:, 0]
+        self._joint_qpos, self._joint_qvel = self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
+        self._encoders: list[tuple[int, np.ndarray]] = []
+        self._mocap: list[tuple[int, np.ndarray]] = []
+        if self._packets:
+            self._encoders.append((0, self._read_joints()))
+            self._mocap.append((0, self._read_bodies()))
+
+    @property
+    def state(self) -> np.ndarray:
+        """(nq + nv,) the true state."""
+        return np.concatenate([self._data.qpos, self._data.qvel])
+
+    def step(self, targets: np.ndarray) -> None:
+        """Hold joint targets (nu,) [rad] for one policy tick."""
+        self._data.ctrl[:] = targets
+        self._encoders.clear()
+        self._mocap.clear()
+        first = self.tick * 20
+        frames = set(mocap_times_ms(first, first + 20).tolist()) if self._packets else set()
+        for i in range(self._substeps):
+            mujoco.mj_step(self.model, self._data)
+            stamp = first + i + 1
+            if self._packets and stamp % ENCODER_PERIOD_MS == 0:
+                self._encoders.append((stamp, self._read_joints()))
+            if stamp in frames:
+                self._mocap.append((stamp, self._read_bodies()))
+        self.tick += 1
+        if not np.isfinite(self.state).all():
+            raise SumoError(f"the simulated robot's state became non-finite at tick {self.tick}")
+
+    def read(self) -> Readings:
+        """Return what the sensors saw during the last tick."""
+        width, bodies = 2 * len(self._joint_qpos), len(self._free_qpos)
+        return Readings(
+            self.tick,
+            np.empty(0) if self._packets else self.state,
+            np.array([stamp for stamp, _ in self._encoders], np.int64),
+            np.array([values for _, values in self._encoders]).reshape(-1, width),
+            np.array([stamp for stamp, _ in self._mocap], np.int64),
+            np.array([values for _, values in self._mocap]).reshape(-1, bodies, 7),
+        )
+
+    def _read_joints(self) -> np.ndarray:
+        return np.concatenate([self._data.qpos[self._joint_qpos], self._data.qvel[self._joint_qvel]])
+
+    def _read_bodies(self) -> np.ndarray:
+        return np.stack([self._data.qpos[adr : adr + 7] for adr in self._free_qpos])

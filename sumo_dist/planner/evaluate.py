@@ -1,0 +1,67 @@
+"""Costs of candidate plans: knots -> commands -> rollouts -> weighted cost terms."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.costs import terms
+from sumo_dist.math import splines
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.problem import Problem
+from sumo_dist.rollout.interface import TICK, Engine
+
+TRACE_POINTS = 25
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What came back of B candidates.
+
+    Attributes:
+        terms: (B, n_terms) weighted costs; rows that were lost or invalid are NaN.
+        valid: (B,) the rollout stayed finite.
+        answered: (B,) False for candidates nobody rolled out in time.
+        traces: (B, F, P, 3) float32 thinned paths of the task's trail frames, world [m], if known.
+    """
+
+    terms: np.ndarray
+    valid: np.ndarray
+    answered: np.ndarray
+    traces: np.ndarray | None = None
+
+    @property
+    def costs(self) -> np.ndarray:
+        """(B,) total cost; +inf where a candidate is lost, invalid or its cost is not finite."""
+        total = self.terms[:, 0].copy()
+        for i in range(1, self.terms.shape[1]):
+            total += self.terms[:, i]
+        return np.where(self.valid & np.isfinite(total), total, np.inf)
+
+
+class Evaluator:
+    """Rolls out and costs candidates on this machine. A row's cost is the same in any batch."""
+
+    def __init__(self, problem: Problem, engine: Engine, config: PlannerConfig) -> None:
+        """Use an engine that records the problem's frames."""
+        self._problem = problem
+        self._engine = engine
+        times = np.arange(config.steps) * TICK
+        self._weights = splines.weights(config.spline, config.nodes, config.horizon, times)
+        self._thin = np.linspace(0, config.steps - 1, TRACE_POINTS).round().astype(int)
+        names = problem.layout.names
+        self._trails = [names.index(name) for name in problem.task.trails]
+
+    def __call__(self, state: np.ndarray, memory: np.ndarray, knots: np.ndarray) -> Evaluation:
+        """Evaluate knots (B, K, n) from a state (nq + nv,) and policy memory (nm,)."""
+        actions = self._problem.task.actions
+        physical = actions.physical(splines.evaluate(self._weights, knots))  # (B, T, nu)
+        rollouts = self._engine.rollout(state, memory, actions.to_command(physical))
+        view = self._problem.layout.view(
+            rollouts.states, rollouts.positions, rollouts.rotations, physical
+        )
+        with np.errstate(invalid="ignore", over="ignore"):
+            costs = terms.evaluate(self._problem.task.cost, view)
+        costs[~rollouts.valid] = np.nan
+        traces = rollouts.positions[:, self._thin][:, :, self._trails].astype(np.float32)
+        answered = np.ones(len(knots), bool)
+        return Evaluation(costs, rollouts.valid, answered, traces.transpose(0, 2, 1, 3))

@@ -1,0 +1,93 @@
+"""One planning iteration (paper, Algorithm 1): shift, sample, roll out, update."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.optim import Belief, make_optimizer, noise_ramp, sample
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation
+from sumo_dist.planner.plan import Plan
+from sumo_dist.robots.robot import ActionSpace
+from sumo_dist.rollout.interface import TICK
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """Where a plan starts.
+
+    Attributes:
+        number: of the plan that is asked for.
+        tick: policy tick of the state; the plan is anchored there.
+        state: (nq + nv,) before that tick's policy evaluation.
+        memory: (nm,) float32 policy memory of the same instant.
+        previous: the plan that is being followed, None at the start.
+    """
+
+    number: int
+    tick: int
+    state: np.ndarray
+    memory: np.ndarray
+    previous: Plan | None
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """A plan and what it was chosen from.
+
+    Attributes:
+        plan: the new plan.
+        evaluation: of the last iteration's candidates; row 0 is the unperturbed mean.
+        failed: no candidate had a finite cost; the plan is the shifted previous one.
+    """
+
+    plan: Plan
+    evaluation: Evaluation
+    failed: bool
+
+
+Evaluate = Callable[[PlanRequest, int, np.ndarray], Evaluation]
+"""(request, iteration, knots (B, K, n)) -> evaluation of the B candidates, wherever they run."""
+
+
+class Planner:
+    """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result."""
+
+    def __init__(self, config: PlannerConfig, actions: ActionSpace, seed: int) -> None:
+        """Set up for an action space; noise is keyed by (seed, plan number, iteration)."""
+        self.config = config
+        self._actions = actions
+        self._seed = seed
+        self._optimizer = make_optimizer(config.optimizer, config.elites, config.temperature)
+        self._sigma = noise_ramp(
+            config.variance_first, config.variance_last, config.nodes, actions.size
+        )
+        self._node_times = np.linspace(0.0, config.horizon, config.nodes)
+
+    def plan(self, request: PlanRequest, evaluate: Evaluate) -> PlanResult:
+        """Run the iterations of one plan."""
+        belief = Belief(self.shifted(request), self._sigma)  # (K, n)
+        for iteration in range(self.config.iterations):
+            rng = self._rng(request.number, iteration)
+            knots = sample(belief, self.config.rollouts, rng)  # (B, K, n)
+            evaluation = evaluate(request, iteration, knots)
+            belief = self._optimizer.update(belief, knots, evaluation.costs)
+        failed = not np.isfinite(evaluation.costs).any()
+        return PlanResult(self._anchored(request, belief.mean), evaluation, failed)
+
+    def shifted(self, request: PlanRequest) -> np.ndarray:
+        """Knots (K, n) of the previous plan at the new node times; at first, stand and wait."""
+        if request.previous is None:
+            default = self._actions.unit(self._actions.default)
+            return np.repeat(default[None], self.config.nodes, axis=0)
+        elapsed = self._node_times + (request.tick - request.previous.tick) * TICK
+        return request.previous.at_times(elapsed)
+
+    def _anchored(self, request: PlanRequest, mean: np.ndarray) -> Plan:
+        knots = np.clip(mean, -1.0, 1.0).astype(np.float32)
+        return Plan(request.number, request.tick, knots, self.config.horizon, self.config.spline)
+
+    def _rng(self, number: int, iteration: int) -> np.random.Generator:
+        bits = np.random.Philox(key=[self._seed, number], counter=[0, 0, 0, iteration])
+        return np.random.Generator(bits)

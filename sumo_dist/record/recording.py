@@ -1,0 +1,65 @@
+"""A run on disk: one .npz that replays, audits and plots without the services."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from sumo_dist.errors import UsageError
+
+FORMAT = 1
+
+
+@dataclass
+class Recording:
+    """What happened, tick by tick and plan by plan; grows during a run.
+
+    Attributes:
+        config: task, robot, seed, planner settings, hashes, versions, cost term names.
+        states: per tick, (nq + nv,) the plant's state.
+        estimates: per tick, (nq + nv,) the state that the policy and the planner saw.
+        memories: per tick, (nm,) policy memory before that tick's evaluation.
+        plan_numbers, plan_ticks, plan_ms: per plan; the tick it is anchored on; wall time [ms].
+        knots: per plan, (K, n) normalised actions.
+        costs: per plan, (B,) candidates' costs, +inf where lost or invalid.
+        terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
+        traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
+            writes them to the .rrd.
+    """
+
+    config: dict[str, Any]
+    states: list[np.ndarray] = field(default_factory=list)
+    estimates: list[np.ndarray] = field(default_factory=list)
+    memories: list[np.ndarray] = field(default_factory=list)
+    plan_numbers: list[int] = field(default_factory=list)
+    plan_ticks: list[int] = field(default_factory=list)
+    plan_ms: list[float] = field(default_factory=list)
+    knots: list[np.ndarray] = field(default_factory=list)
+    costs: list[np.ndarray] = field(default_factory=list)
+    terms: list[np.ndarray] = field(default_factory=list)
+    traces: list[np.ndarray] = field(default_factory=list)
+
+    def save(self, path: Path) -> None:
+        """Write atomically: a reader sees the whole file or none."""
+        arrays = {name: np.array(rows) for name, rows in self.__dict__.items() if name != "config"}
+        partial = path.with_suffix(".part.npz")
+        np.savez_compressed(partial, format=FORMAT, config=json.dumps(self.config), **arrays)
+        partial.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> "Recording":
+        """Read a recording; a file that is none is one clear error."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                if int(file["format"]) != FORMAT:
+                    raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
+                config = json.loads(str(file["config"]))
+                lists = {name: list(file[name]) for name in file.files if name not in ("format", "config")}
+        except FileNotFoundError:
+            raise UsageError(f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz") from None
+        except (BadZipFile, KeyError, ValueError, OSError, json.JSONDecodeError) as error:
+            raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
+        return cls(config, **lists)
