@@ -49,10 +49,10 @@ def check(contract: PolicyContract, robot: Robot, model: mujoco.MjModel) -> None
     Raises:
         SumoError: they differ; the message names every difference.
     """
-    differences = [*_robot(contract, robot), *_joints(contract, model)]
-    if not differences:  # gains by joint mean nothing while the joints differ
-        differences += _gains(contract, model)
-    differences += _rate(contract, model)
+    joints = list(_joints(contract, model))
+    # gains mean nothing while the joints differ
+    gains = [] if joints else _gains(contract, model)
+    differences = [*_robot(contract, robot), *joints, *gains, *_rate(contract, model)]
     if differences:
         listed = "".join(f"\n    {line}" for line in differences)
         raise SumoError(f"policy {contract.name!r} does not fit robot {robot.name!r}:{listed}")

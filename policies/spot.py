@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sumo_dist.errors import SumoError
 from sumo_dist.policies.contract import PolicyContract
 from sumo_dist.policies.manifest import PinnedPolicy
 from sumo_dist.policies.onnx_mlp import read_mlp
@@ -80,8 +81,7 @@ def observation(
         *(velocity, qvel[..., 3:6], -rotation[..., 2, :]),
         *(command, joints, qvel[..., 6 + _TO_NETWORK], memory),
     )
-    with np.errstate(over="ignore"):  # a diverged rollout overflows float32; the engine marks it
-        return np.concatenate(parts, axis=-1).astype(np.float32)
+    return np.concatenate(parts, axis=-1).astype(np.float32)
 
 
 def joint_targets(action: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -113,9 +113,15 @@ class SpotPolicy(Policy):
     def step(
         self, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray, memory: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Evaluate the policy once: targets (..., 19) and memory (..., 12); see `Policy.step`."""
-        seen = observation(qpos, qvel, command, memory)
-        action = elu_network(self.layers, seen)
+        """Evaluate the policy once: targets (..., 19) and memory (..., 12); see `Policy.step`.
+
+        Raises:
+            SumoError: an array has a wrong last dimension.
+        """
+        _check_shapes(qpos, qvel, command, memory)
+        with np.errstate(over="ignore", invalid="ignore"):  # rows of diverged rollouts
+            seen = observation(qpos, qvel, command, memory)
+            action = elu_network(self.layers, seen)
         return joint_targets(action, command), action
 
 
@@ -138,6 +144,18 @@ def load(pinned: PinnedPolicy, weights: Path) -> SpotPolicy:
         weights_sha256=pinned.sha256,
     )
     return SpotPolicy(contract, KIND, "elu", read_mlp(weights, OBSERVATION_SIZE, ACTION_SIZE))
+
+
+def _check_shapes(
+    qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray, memory: np.ndarray
+) -> None:
+    enough = qpos.shape[-1] >= 7 + len(JOINTS) and qvel.shape[-1] >= 6 + len(JOINTS)
+    if not enough or command.shape[-1] != COMMAND_SIZE or memory.shape[-1] != ACTION_SIZE:
+        raise SumoError(
+            f"spot policy: qpos {qpos.shape}, qvel {qvel.shape}, command {command.shape}, "
+            f"memory {memory.shape}; valid: qpos (..., 26 or more), qvel (..., 25 or more), "
+            f"command (..., {COMMAND_SIZE}), memory (..., {ACTION_SIZE})"
+        )
 
 
 def _rotation(quat: np.ndarray) -> np.ndarray:
