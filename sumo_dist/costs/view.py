@@ -55,7 +55,9 @@ class Frame:
 
     def _twist(self) -> np.ndarray:
         if self.velocity is None:
-            raise UsageError(f"frame {self.name!r} has no velocity: it is not a body with a free joint")
+            raise UsageError(
+                f"frame {self.name!r} has no velocity: it is not a body with a free joint"
+            )
         return self.velocity
 
 

@@ -41,30 +41,35 @@ class Readings:
 class Plant:
     """MuJoCo behind the interface of a robot: joint targets in, readings out, one tick a step."""
 
-    def __init__(self, scene: Scene, state: np.ndarray, sensors: str = "truth") -> None:
+    def __init__(self, scene: Scene, state: np.ndarray, estimator: str = "truth") -> None:
         """Start at a state (nq + nv,).
 
         Args:
             scene: robot and objects.
             state: initial state.
-            sensors: "truth", the state itself at 0.01 s physics; or "packets", encoder and
-                motion-capture packets at 0.001 s physics.
+            estimator: "truth" sends the state itself, at 0.01 s physics; "lowpass" sends encoder and
+                motion-capture packets, at 0.001 s physics.
         """
-        timestep = PLANT.timestep if sensors == "truth" else 0.001
+        timestep = PLANT.timestep if estimator == "truth" else 0.001
         options = ModelOptions(timestep, PLANT.fluid_density)
         self.model = compile_model(scene, options)
         self._data = mujoco.MjData(self.model)
         self._substeps = round(TICK / timestep)
-        self._packets = sensors == "packets"
+        self._packets = estimator == "lowpass"
         self.tick = 0
         if np.shape(state) != (self.model.nq + self.model.nv,):
-            raise UsageError(f"initial state has shape {np.shape(state)}, needs ({self.model.nq + self.model.nv},)")
+            raise UsageError(
+                f"initial state has shape {np.shape(state)}, needs ({self.model.nq + self.model.nv},)"
+            )
         self._data.qpos[:], self._data.qvel[:] = np.split(state, [self.model.nq])
         mujoco.mj_forward(self.model, self._data)
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._free_qpos = self.model.jnt_qposadr[free]
         joints = self.model.actuator_trnid[:, 0]
-        self._joint_qpos, self._joint_qvel = self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
+        self._joint_qpos, self._joint_qvel = (
+            self.model.jnt_qposadr[joints],
+            self.model.jnt_dofadr[joints],
+        )
         self._encoders: list[tuple[int, np.ndarray]] = []
         self._mocap: list[tuple[int, np.ndarray]] = []
         if self._packets:
@@ -107,7 +112,9 @@ class Plant:
         )
 
     def _read_joints(self) -> np.ndarray:
-        return np.concatenate([self._data.qpos[self._joint_qpos], self._data.qvel[self._joint_qvel]])
+        return np.concatenate(
+            [self._data.qpos[self._joint_qpos], self._data.qvel[self._joint_qvel]]
+        )
 
     def _read_bodies(self) -> np.ndarray:
         return np.stack([self._data.qpos[adr : adr + 7] for adr in self._free_qpos])

@@ -25,7 +25,11 @@ class PathIntegral:
             return belief
         relative = costs[finite] - costs[finite].min()
         spread = relative.std()
-        weights = np.exp(-relative / (self.temperature * spread)) if spread > 0 else np.ones_like(relative)
+        weights = (
+            np.exp(-relative / (self.temperature * spread))
+            if spread > 0
+            else np.ones_like(relative)
+        )
         weights /= weights.sum()
         mean = (weights[:, None, None] * knots[finite].astype(float)).sum(axis=0)
         return Belief(mean, belief.sigma)

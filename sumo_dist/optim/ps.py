@@ -14,4 +14,6 @@ class PredictiveSampling:
     def update(self, belief: Belief, knots: np.ndarray, costs: np.ndarray) -> Belief:
         """Take the best sample; sigma stays."""
         best = int(np.argmin(costs))
-        return Belief(knots[best].astype(float), belief.sigma) if np.isfinite(costs[best]) else belief
+        return (
+            Belief(knots[best].astype(float), belief.sigma) if np.isfinite(costs[best]) else belief
+        )

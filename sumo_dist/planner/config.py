@@ -53,13 +53,17 @@ class PlannerConfig:
             if getattr(self, name) < low:
                 raise UsageError(f"{name} must be at least {low}, got {getattr(self, name)}")
         if not 0 < self.horizon <= 20 or abs(self.horizon / TICK - self.steps) > 1e-6:
-            raise UsageError(f"horizon must be a multiple of {TICK} s up to 20 s, got {self.horizon}")
+            raise UsageError(
+                f"horizon must be a multiple of {TICK} s up to 20 s, got {self.horizon}"
+            )
         substeps = TICK / self.timestep if self.timestep > 0 else 0.0
         if substeps < 1 or abs(substeps - round(substeps)) > 1e-6:
             raise UsageError(f"timestep must divide {TICK} s, got {self.timestep}")
         for name in ("variance_first", "variance_last", "temperature"):
             if not 0 < getattr(self, name) < 100:
-                raise UsageError(f"{name} must be positive and below 100, got {getattr(self, name)}")
+                raise UsageError(
+                    f"{name} must be positive and below 100, got {getattr(self, name)}"
+                )
         if not 0 <= self.fluid_density < 100:
             raise UsageError(f"fluid_density must be in [0, 100), got {self.fluid_density}")
 
@@ -81,7 +85,9 @@ class PlannerConfig:
             try:
                 changes[key] = types[key](text)
             except ValueError:
-                raise UsageError(f"setting {key} needs a value of type {types[key].__name__}, got {text!r}") from None
+                raise UsageError(
+                    f"setting {key} needs a value of type {types[key].__name__}, got {text!r}"
+                ) from None
         return replace(self, **changes)
 
     def hash(self, task_hash: str) -> str:

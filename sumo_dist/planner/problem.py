@@ -61,8 +61,6 @@ def planning_options(config: PlannerConfig) -> ModelOptions:
     return ModelOptions(timestep=config.timestep, fluid_density=config.fluid_density)
 
 
-
-
 def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
     digest = hashlib.sha256()
     compiled = np.empty(mujoco.mj_sizeModel(model), np.uint8)

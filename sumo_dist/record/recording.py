@@ -1,5 +1,6 @@
 """A run on disk: one .npz that replays, audits and plots without the services."""
 
+import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.planner.report import PlanReport
 
 FORMAT = 1
 
@@ -42,6 +44,38 @@ class Recording:
     terms: list[np.ndarray] = field(default_factory=list)
     traces: list[np.ndarray] = field(default_factory=list)
 
+    def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
+        """Append what one tick began with."""
+        self.states.append(state)
+        self.estimates.append(estimate)
+        self.memories.append(memory)
+
+    def add_plan(self, report: PlanReport) -> None:
+        """Append one plan and its account."""
+        self.plan_numbers.append(report.plan.number)
+        self.plan_ticks.append(report.plan.tick)
+        self.plan_ms.append(report.plan_ms)
+        self.knots.append(report.plan.knots)
+        self.costs.append(np.where(report.finite, report.costs, np.inf))
+        self.terms.append(report.terms)
+
+    @property
+    def plan_digest(self) -> str:
+        """SHA-256 over all plans: number, tick and knots."""
+        digest = hashlib.sha256()
+        for number, tick, knots in zip(self.plan_numbers, self.plan_ticks, self.knots, strict=True):
+            digest.update(np.array([number, tick], "<i8").tobytes())
+            digest.update(np.asarray(knots, "<f4").tobytes())
+        return digest.hexdigest()
+
+    @property
+    def state_digest(self) -> str:
+        """SHA-256 over the plant's states at all ticks."""
+        digest = hashlib.sha256()
+        for state in self.states:
+            digest.update(np.asarray(state, "<f8").tobytes())
+        return digest.hexdigest()
+
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
         arrays = {name: np.array(rows) for name, rows in self.__dict__.items() if name != "config"}
@@ -57,9 +91,15 @@ class Recording:
                 if int(file["format"]) != FORMAT:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
                 config = json.loads(str(file["config"]))
-                lists = {name: list(file[name]) for name in file.files if name not in ("format", "config")}
+                lists = {
+                    name: list(file[name])
+                    for name in file.files
+                    if name not in ("format", "config")
+                }
         except FileNotFoundError:
-            raise UsageError(f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz") from None
+            raise UsageError(
+                f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz"
+            ) from None
         except (BadZipFile, KeyError, ValueError, OSError, json.JSONDecodeError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
         return cls(config, **lists)

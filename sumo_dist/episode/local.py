@@ -1,0 +1,53 @@
+"""The whole planner in one process: what `--workers 0` runs, and what the services must equal."""
+
+import time
+
+import numpy as np
+
+from sumo_dist.planner.evaluate import Evaluation, Evaluator
+from sumo_dist.planner.planner import Planner, PlanRequest, PlanResult
+from sumo_dist.planner.report import PlanReport
+
+
+class LocalPlanning:
+    """Plans with rollouts in this process and reports on each plan."""
+
+    def __init__(self, planner: Planner, evaluator: Evaluator) -> None:
+        """Join a planner with the evaluator of its task."""
+        self._planner = planner
+        self._evaluator = evaluator
+        self._rollout_s = 0.0
+        self.traces: np.ndarray | None = None  # of the newest plan: see Evaluation.traces
+
+    def __call__(self, request: PlanRequest) -> PlanReport:
+        """Make one plan."""
+        began = time.perf_counter()
+        self._rollout_s = 0.0
+        result = self._planner.plan(request, self._evaluate)
+        plan_s = time.perf_counter() - began
+        self.traces = result.evaluation.traces
+        return report(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
+
+    def _evaluate(self, request: PlanRequest, _iteration: int, knots: np.ndarray) -> Evaluation:
+        began = time.perf_counter()
+        evaluation = self._evaluator(request.state, request.memory, knots)
+        self._rollout_s += time.perf_counter() - began
+        return evaluation
+
+
+def report(result: PlanResult, plan_ms: float, own_ms: float, **account: int) -> PlanReport:
+    """Summarise a plan; the account holds PlanReport's counters where they are not zero."""
+    evaluation = result.evaluation
+    finite = np.isfinite(evaluation.costs)
+    return PlanReport(
+        plan=result.plan,
+        costs=np.where(finite, evaluation.costs, 0.0),
+        finite=finite,
+        terms=np.nan_to_num(evaluation.terms[0], nan=0.0, posinf=0.0, neginf=0.0),
+        plan_ms=plan_ms,
+        own_ms=own_ms,
+        lost=int((~evaluation.answered).sum()),
+        invalid=int((evaluation.answered & ~evaluation.valid).sum()),
+        failed=result.failed,
+        **account,
+    )

@@ -1,0 +1,45 @@
+"""Judges an episode on the plant's true state: solved, fallen, out of time, or going on."""
+
+import mujoco
+import numpy as np
+
+from sumo_dist.costs.view import View, ViewLayout
+from sumo_dist.rollout.interface import TICK
+from sumo_dist.tasks.task import Task
+
+
+class Referee:
+    """Watches one episode; ask it once per tick."""
+
+    def __init__(self, task: Task, model: mujoco.MjModel, time_limit: float | None = None) -> None:
+        """Judge a task on the plant's model; time_limit overrides the task's [s]."""
+        self._task = task
+        self._data = mujoco.MjData(model)
+        self._model = model
+        self._layout = ViewLayout(model, task.frames)
+        self._last_tick = round((time_limit or task.time_limit) / TICK)
+        self._hold_ticks = round(task.success_hold / TICK)
+        self._held = -1
+
+    def verdict(self, tick: int, state: np.ndarray) -> str | None:
+        """Return "success", "fell", "timeout", or None while the episode goes on."""
+        view = self.view(state)
+        self._held = self._held + 1 if bool(self._task.success(view)[0, 0]) else -1
+        if self._held >= self._hold_ticks:
+            return "success"
+        if view.base.pos[0, 0, 2] <= self._task.scene.robot.fall_height:
+            return "fell"
+        return "timeout" if tick >= self._last_tick else None
+
+    def view(self, state: np.ndarray) -> View:
+        """Name the arrays of one state: one rollout of one step, without an action."""
+        self._data.qpos[:], self._data.qvel[:] = np.split(state, [self._model.nq])
+        mujoco.mj_kinematics(self._model, self._data)
+        frames = [
+            self._data.site(ref.name) if ref.kind == "site" else self._data.body(ref.name)
+            for ref in self._layout.refs
+        ]
+        positions = np.array([frame.xpos for frame in frames])[None, None]
+        rotations = np.array([frame.xmat for frame in frames]).reshape(1, 1, -1, 3, 3)
+        actions = np.zeros((1, 1, len(self._task.actions.names)))
+        return self._layout.view(state[None, None], positions, rotations, actions)

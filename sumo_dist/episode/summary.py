@@ -1,0 +1,102 @@
+"""The account of a finished run: summary.json and the one line a person reads."""
+
+import importlib.metadata
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sumo_dist.record.recording import Recording
+from sumo_dist.rollout.interface import TICK
+
+_TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
+FAULTS = ("interrupted", "no plan", "no state", "fault")  # reasons that are not the task's
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended.
+
+    Attributes:
+        reason: the referee's verdict or a named fault.
+        wall_s: wall time of the episode [s].
+        missed_deadlines: planning periods without a new plan.
+        partial_plans: plans made without some of their candidates.
+        rollouts_lost: candidates left out or sent a second time.
+    """
+
+    reason: str
+    wall_s: float
+    missed_deadlines: int = 0
+    partial_plans: int = 0
+    rollouts_lost: int = 0
+
+    @property
+    def exit_code(self) -> int:
+        """0 success, 1 task not achieved, 3 fault."""
+        if self.reason == "success":
+            return 0
+        return 3 if self.reason.startswith(FAULTS) else 1
+
+
+def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
+    """Return the content of summary.json."""
+    plan_ms = np.array(recording.plan_ms or [np.nan])
+    seconds = (len(recording.states) - 1) * TICK
+    success = ending.reason == "success"
+    identity = ("task", "robot", "optimizer", "engine", "clock", "seed", "config_hash")
+    return {
+        **{key: recording.config[key] for key in identity},
+        "success": success,
+        "completion_time_s": round(seconds, 2) if success else None,
+        "robot_time_s": round(seconds, 2),
+        "end_reason": ending.reason,
+        "plans": len(recording.plan_ms),
+        "plan_ms_p50": _finite(np.percentile(plan_ms, 50)),
+        "plan_ms_p99": _finite(np.percentile(plan_ms, 99)),
+        "missed_deadlines": ending.missed_deadlines,
+        "partial_plans": ending.partial_plans,
+        "rollouts_lost": ending.rollouts_lost,
+        "real_time_factor": round(seconds / ending.wall_s, 4) if ending.wall_s > 0 else None,
+        "plan_digest": recording.plan_digest,
+        "state_digest": recording.state_digest,
+        "versions": recording.config["versions"],
+    }
+
+
+def write_summary(summary: dict[str, Any], folder: Path) -> None:
+    """Write DIR/summary.json."""
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+
+
+def one_line(summary: dict[str, Any]) -> str:
+    """Return the line a run ends with."""
+    seconds = summary["robot_time_s"]
+    outcome = (
+        f"solved in {seconds:.1f} s"
+        if summary["success"]
+        else f"not solved: {summary['end_reason']}"
+    )
+    parts = [
+        f"{summary['task']} seed {summary['seed']}: {outcome}",
+        f"{summary['plans']} plans of {summary['plan_ms_p50'] or 0:.0f} ms (p99 {summary['plan_ms_p99'] or 0:.0f})",
+        f"{summary['real_time_factor'] or 0:.2f}x real time",
+        f"{summary['optimizer']} on {summary['engine']}",
+    ]
+    lost = [f"{summary[key]} {key.replace('_', ' ')}" for key in _TROUBLES if summary[key]]
+    return ", ".join(parts + lost)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides a run's bits."""
+    names = ("sumo-dist", "mujoco", "numpy", "eclipse-zenoh")
+    found = {name: importlib.metadata.version(name) for name in names}
+    return {**found, "python": platform.python_version(), "machine": platform.machine()}
+
+
+def _finite(value: float) -> float | None:
+    return round(float(value), 3) if np.isfinite(value) else None
