@@ -1,0 +1,117 @@
+"""Spot with its arm: stance, the policy's 25-d command, and the planner's action space."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.robots.robot import ActionSpace, Robot
+
+LEG_JOINTS = tuple(f"{leg}_{j}" for leg in ("fl", "fr", "hl", "hr") for j in ("hx", "hy", "kn"))
+ARM_JOINTS = tuple(f"arm_{j}" for j in ("sh0", "sh1", "el0", "el1", "wr0", "wr1", "f1x"))
+
+GRIPPER_OPEN, GRIPPER_CLOSED = -1.54, 0.0
+STANDING = (0.12, 0.72, -1.45, -0.12, 0.72, -1.45) * 2
+SITTING = (0.48, 1.26, -2.7929, -0.48, 1.26, -2.7929) * 2
+ARM_UNSTOWED = (0.0, -0.9, 1.8, 0.0, -0.9, 0.0)
+ARM_STOWED = (0.0, -3.11, 3.13, 1.56, 0.0, -1.56)
+STAND_HEIGHT = 0.52
+
+# The command: base velocity vx, vy [m/s], wz [rad/s]; arm targets (6), gripper target,
+# leg targets (12, zeros leave a leg to the policy) [rad]; torso roll, pitch [rad], height [m].
+_BASE, _ARM, _GRIPPER = slice(0, 3), slice(3, 9), slice(9, 10)
+_FRONT_LEFT, _FRONT_RIGHT, _PITCH_HEIGHT = slice(10, 13), slice(13, 16), slice(23, 25)
+
+
+def _standing_command(arm: tuple[float, ...]) -> tuple[float, ...]:
+    return (0.0, 0.0, 0.0, *arm, GRIPPER_CLOSED, *(0.0,) * 12, 0.0, 0.0, STAND_HEIGHT)
+
+
+SPOT = Robot(
+    name="spot",
+    mjcf="robots/spot.xml",
+    base="body",
+    joints=LEG_JOINTS + ARM_JOINTS,
+    stand=(*STANDING, *ARM_UNSTOWED, GRIPPER_CLOSED),
+    stand_height=STAND_HEIGHT,
+    sit=(*SITTING, *ARM_STOWED, GRIPPER_CLOSED),
+    fall_height=0.35,
+    policy="spot",
+    default_command=_standing_command(ARM_UNSTOWED),
+)
+
+
+@dataclass(frozen=True)
+class _Limb:
+    """A group of action dimensions."""
+
+    names: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    default: tuple[float, ...]
+
+
+_LIMBS = {
+    "base": _Limb(("base_vx", "base_vy", "base_wz"), (-0.7,) * 3, (0.7,) * 3, (0.0,) * 3),
+    "arm": _Limb(
+        ARM_JOINTS[:6],
+        (-1.0, -1.9, 1.0, -np.pi / 2, -1.6, -np.pi / 4),
+        (1.0, -0.1, 2.4, np.pi / 2, 0.0, np.pi / 4),
+        ARM_UNSTOWED,
+    ),
+    # The default lies in the half that closes: at 0 the gripper would hang open.
+    "gripper": _Limb(("gripper",), (-1.0,), (1.0,), (0.5,)),
+    "legs": _Limb(
+        (*LEG_JOINTS[:6], "leg_selection"),
+        (*(-0.6, -0.8, -2.7) * 2, -1.0),
+        (*(0.6, 1.65, -0.3) * 2, 1.0),
+        (*STANDING[:6], 0.0),
+    ),
+    "torso": _Limb(("torso_pitch", "torso_height"), (-1.0, 0.3), (1.0, 1.0), (0.0, STAND_HEIGHT)),
+}
+
+
+def spot_actions(
+    arm: bool = True, gripper: bool = False, legs: bool = False, torso: bool = False
+) -> ActionSpace:
+    """Build Spot's action space: base velocity and what else is asked for, in this order.
+
+    What is left out has no dimension; its command is the default: arm stowed, gripper closed, legs
+    to the policy, torso level at 0.52 m (its roll is never searched). A gripper action above 0
+    closes the gripper, any other opens it. Leg selection s < -0.5 commands the front left leg,
+    s > 0.5 the front right one, any other value none (paper, section on the action space).
+
+    Args:
+        arm: six arm joint targets [rad].
+        gripper: closed or open.
+        legs: joint targets of the front legs [rad] and which of the two is commanded.
+        torso: pitch [rad] and height [m].
+    """
+    wanted = {"base": True, "arm": arm, "gripper": gripper, "legs": legs, "torso": torso}
+    limbs = {name: limb for name, limb in _LIMBS.items() if wanted[name]}
+    ends = np.cumsum([len(limb.names) for limb in limbs.values()])
+    columns = dict(zip(limbs, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
+    padding = np.array(_standing_command(ARM_UNSTOWED if arm else ARM_STOWED))
+
+    def to_command(action: np.ndarray) -> np.ndarray:
+        command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
+        parts = {name: action[..., chosen] for name, chosen in columns.items()}
+        command[..., _BASE] = parts["base"]
+        if arm:
+            command[..., _ARM] = parts["arm"]
+        if gripper:
+            command[..., _GRIPPER] = np.where(parts["gripper"] > 0, GRIPPER_CLOSED, GRIPPER_OPEN)
+        if legs:
+            left, right, selection = np.split(parts["legs"], [3, 6], axis=-1)
+            command[..., _FRONT_LEFT] = np.where(selection < -0.5, left, 0.0)
+            command[..., _FRONT_RIGHT] = np.where(selection > 0.5, right, 0.0)
+        if torso:
+            command[..., _PITCH_HEIGHT] = parts["torso"]
+        return command
+
+    return ActionSpace(
+        names=sum((limb.names for limb in limbs.values()), ()),
+        lower=np.concatenate([limb.lower for limb in limbs.values()]),
+        upper=np.concatenate([limb.upper for limb in limbs.values()]),
+        default=np.concatenate([limb.default for limb in limbs.values()]),
+        to_command=to_command,
+    )
