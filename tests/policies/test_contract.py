@@ -4,7 +4,9 @@ import mujoco
 import pytest
 
 from sumo_dist.errors import SumoError
+from sumo_dist.model.scene import PLANNING, PLANT, Scene, compile_model
 from sumo_dist.policies.contract import PolicyContract, check
+from sumo_dist.robots import get_robot
 from sumo_dist.robots.robot import Robot
 
 JOINTS = ("hip", "knee", "hand")
@@ -49,6 +51,12 @@ def compile_toy(joints=JOINTS, driven=JOINTS, gains=((60, 1.5), (60, 1.5), (16, 
         <body name="box"><freejoint name="box"/><geom size=".1" mass="1"/></body>
         </worldbody><actuator>{servos}</actuator></mujoco>"""
     )
+
+
+@pytest.mark.parametrize("options", [PLANT, PLANNING])
+def test_spot_fits_its_policy(spot, options):
+    robot = get_robot("spot")
+    check(spot.contract, robot, compile_model(Scene(robot), options))
 
 
 def test_a_robot_that_fits():

