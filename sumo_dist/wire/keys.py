@@ -1,0 +1,73 @@
+"""The names of everything on the bus.
+
+Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`. The prefix of liveliness tokens,
+`sumo/alive/<robot>/<role>/<id>/<schema>/<build>`, has no version: services of different versions or
+builds see each other and can say so.
+"""
+
+import re
+from dataclasses import dataclass
+from urllib.parse import quote, unquote
+
+from sumo_dist.errors import UsageError
+
+SCHEMA = 1  # raise it with every change of a message's fields or of their meaning
+
+NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
+ANY = "*"
+
+
+@dataclass(frozen=True, order=True)
+class Member:
+    """A living service.
+
+    Attributes:
+        role: "optimizer", "rollout-worker", ...
+        id: unique among the services of its role.
+        schema: version of the messages it speaks.
+        build: of its rollout engine; "-" for services without one.
+    """
+
+    role: str
+    id: str
+    schema: int
+    build: str
+
+
+def checked_name(kind: str, name: str) -> str:
+    """Return a robot's, role's or service's name if it can be part of a key, else raise."""
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise UsageError(
+            f"{kind} {name!r} is not a valid name: up to 64 of A-Z a-z 0-9 . _ -, "
+            "starting with a letter or a digit"
+        )
+    return name
+
+
+def topic_key(robot: str, topic: str, address: str | None = None) -> str:
+    """Key of a topic; `address` is one service's name, or ANY to subscribe to all of them."""
+    key = f"sumo/v{SCHEMA}/{checked_name('robot', robot)}/{topic}"
+    if address is None:
+        return key
+    return f"{key}/{address if address == ANY else checked_name('address', address)}"
+
+
+def alive_key(robot: str, member: Member) -> str:
+    """Key of a member's liveliness token."""
+    role, name = checked_name("role", member.role), checked_name("id", member.id)
+    prefix = f"sumo/alive/{checked_name('robot', robot)}"
+    return f"{prefix}/{role}/{name}/{member.schema}/{quote(member.build, safe='')}"
+
+
+def alive_keys(robot: str, role: str) -> str:
+    """Key expression of the tokens of a role, or of ANY role, whatever their version and build."""
+    role = role if role == ANY else checked_name("role", role)
+    return f"sumo/alive/{checked_name('robot', robot)}/{role}/*/*/*"
+
+
+def parse_alive(key: str) -> Member | None:
+    """Return the member that a liveliness key names; None if it is not one of ours."""
+    match key.split("/"):
+        case ["sumo", "alive", _, role, name, schema, build] if re.fullmatch(r"\d{1,9}", schema):
+            return Member(role, name, int(schema), unquote(build))
+    return None

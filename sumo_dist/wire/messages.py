@@ -1,0 +1,271 @@
+"""What the services say to each other. Every field's dtype, shape and range is part of its type.
+
+Sizes: B rollouts of a plan, b of a shard, K knots, n searched action dimensions, nm policy memory.
+Floats are finite: costs that are not travel as zeros beside a mask, see `finite_rows`.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from sumo_dist.planner.plan import Plan
+from sumo_dist.wire.keys import NAME_PATTERN
+from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
+
+Count = Annotated[int, Int(0, 2**53)]
+Milliseconds = Annotated[float, Float(0.0)]
+Name = Annotated[str, Text(NAME_PATTERN)]
+
+WirePlan = Annotated[
+    Plan,
+    Fields(
+        number=Int(0, 2**53),
+        tick=Int(0, 2**53),
+        knots=Array("f4", "K", "n"),
+        horizon=Float(1e-3, 100.0),
+    ),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """What all messages have.
+
+    Attributes:
+        run: id of the run it belongs to.
+    """
+
+    topic: ClassVar[str]
+    addressed_by: ClassVar[str | None] = None  # field with the service that the key names, if any
+    ordered_by: ClassVar[tuple[str, ...]] = ()
+    background: ClassVar[bool] = False  # only watched: gives way to what the plan waits for
+    run: Annotated[str, Text(longest=200)]
+
+    @property
+    def address(self) -> str | None:
+        """The service that the message is to or from, where its topic has a key per service."""
+        return None if self.addressed_by is None else getattr(self, self.addressed_by)
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Grows within a run: what compares less than a message already seen is stale."""
+        return tuple(getattr(self, name) for name in self.ordered_by)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors(Message):
+    """robot_interface -> state_estimator: what the sensors saw up to a tick.
+
+    Attributes:
+        tick: policy tick.
+        truth: the plant's state, (nq + nv,); empty where the robot sends packets.
+        encoder_ms, encoders: stamps [ms] and joint positions and velocities, (E, 2 nj).
+        mocap_ms, mocap: stamps [ms] and poses, (M, bodies, 7): position [m], quaternion wxyz.
+    """
+
+    topic: ClassVar[str] = "sensors"
+    ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
+    tick: Count
+    truth: Annotated[np.ndarray, Array("f8", "n", empty=True)]
+    encoder_ms: Annotated[np.ndarray, Array("i8", "E", empty=True)]
+    encoders: Annotated[np.ndarray, Array("f8", "E", "2nj", empty=True)]
+    mocap_ms: Annotated[np.ndarray, Array("i8", "M", empty=True)]
+    mocap: Annotated[np.ndarray, Array("f8", "M", "bodies", 7, empty=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class State(Message):
+    """state_estimator -> all: the estimated state before a tick's policy evaluation.
+
+    Attributes:
+        tick: policy tick.
+        state: (nq + nv,) qpos then qvel.
+    """
+
+    topic: ClassVar[str] = "state"
+    ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
+    tick: Count
+    state: Annotated[np.ndarray, Array("f8", "n")]
+
+
+@dataclass(frozen=True, eq=False)
+class Status(Message):
+    """robot_interface -> optimizer, tracer: where the robot's controller stands at a tick.
+
+    Attributes:
+        tick: policy tick.
+        memory: (nm,) policy memory before that tick's evaluation.
+        wanted: number of the plan that the robot waits for at this tick; -1 for none.
+        clock: "lockstep", "realtime", or "calibrate" while the speed is being measured.
+        speed: robot time per wall time that a realtime run asks for.
+        followed: the plan that is being followed, None at the start.
+    """
+
+    topic: ClassVar[str] = "status"
+    ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
+    tick: Count
+    memory: Annotated[np.ndarray, Array("f4", "nm", empty=True)]
+    wanted: Annotated[int, Int(-1, 2**53)]
+    clock: Literal["lockstep", "realtime", "calibrate"]
+    speed: Annotated[float, Float(0.0)]
+    followed: WirePlan | None
+
+
+@dataclass(frozen=True, eq=False)
+class PlanMessage(Message):
+    """optimizer -> robot_interface, tracer: a plan and how it came about.
+
+    Attributes:
+        plan: the plan.
+        costs, finite: (B,) candidates' total costs; where not finite (lost, diverged), cost 0.
+        terms: (n_terms,) weighted costs of the unperturbed candidate; empty where it was lost.
+        plan_ms: wall time from the state's arrival to the plan [ms].
+        own_ms: the optimizer's own part of it [ms].
+        age_ticks: ticks of robot time between the plan's state and its publication.
+        lost, reissued, invalid: rollouts never answered, asked for twice, and diverged.
+        failed: no candidate was finite; the plan is the shifted previous one.
+        workers: that were alive.
+    """
+
+    topic: ClassVar[str] = "plan"
+    plan: WirePlan
+    costs: Annotated[np.ndarray, Array("f8", "B")]
+    finite: Annotated[np.ndarray, Array("b1", "B")]
+    terms: Annotated[np.ndarray, Array("f8", "n_terms", empty=True)]
+    plan_ms: Milliseconds
+    own_ms: Milliseconds
+    age_ticks: Count
+    lost: Count
+    reissued: Count
+    invalid: Count
+    failed: bool
+    workers: Count
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """By plan number."""
+        return (self.plan.number,)
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutRequest(Message):
+    """optimizer -> one worker: everything that the costs of some rows depend on.
+
+    Attributes:
+        worker: who is asked.
+        number, iteration: of the plan, and of the optimizer within it.
+        shard: index of this part of the candidates.
+        start: the part's first row among them.
+        task, task_hash, build: what must be rolled out, by which build of the engine.
+        settings: fields of the PlannerConfig.
+        state: (nq + nv,) the rollouts start from.
+        memory: (nm,) policy memory of the same instant.
+        knots: (b, K, n) normalised actions.
+        reply_budget_ms: after which the reply is of no use [ms]; 0 for never.
+    """
+
+    topic: ClassVar[str] = "request"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    worker: Name
+    number: Count
+    iteration: Count
+    shard: Count
+    start: Count
+    task: str
+    task_hash: str
+    build: str
+    settings: Annotated[dict[str, int | float | str], Settings()]
+    state: Annotated[np.ndarray, Array("f8", "state")]
+    memory: Annotated[np.ndarray, Array("f4", "nm", empty=True)]
+    knots: Annotated[np.ndarray, Array("f4", "b", "K", "n")]
+    reply_budget_ms: Milliseconds
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutReply(Message):
+    """A worker -> optimizer: the costs of a request's rows, or why it refuses.
+
+    Attributes:
+        worker, number, iteration, shard, start: of the request.
+        terms: (b, n_terms) weighted costs; rows that are not valid are zeros.
+        valid: (b,) the rollout and its costs are finite.
+        compute_ms: wall time of the rollouts [ms].
+        refusal: why nothing was rolled out (terms and valid are empty); "" if it was.
+    """
+
+    topic: ClassVar[str] = "reply"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    worker: Name
+    number: Count
+    iteration: Count
+    shard: Count
+    start: Count
+    terms: Annotated[np.ndarray, Array("f8", "b", "n_terms", empty=True)]
+    valid: Annotated[np.ndarray, Array("b1", "b", empty=True)]
+    compute_ms: Milliseconds
+    refusal: str
+
+
+@dataclass(frozen=True, eq=False)
+class Traces(Message):
+    """A worker -> tracer: thinned paths of a request's rollouts.
+
+    Attributes:
+        worker, number, iteration, start: of the request.
+        traces: (b, F, P, 3) positions of F frames at P instants, world [m]; zeros if diverged.
+    """
+
+    topic: ClassVar[str] = "traces"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    background: ClassVar[bool] = True
+    worker: Name
+    number: Count
+    iteration: Count
+    start: Count
+    traces: Annotated[np.ndarray, Array("f4", "b", "F", "P", 3)]
+
+
+@dataclass(frozen=True, eq=False)
+class Event(Message):
+    """Anybody -> tracer: something that a person should read.
+
+    Attributes:
+        source: id of the service that speaks.
+        level: how bad it is.
+        text: one line.
+    """
+
+    topic: ClassVar[str] = "events"
+    addressed_by: ClassVar[str | None] = "source"
+    background: ClassVar[bool] = True
+    source: Name
+    level: Literal["info", "warning", "error"]
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class RunEnd(Message):
+    """robot_interface -> all: the run is over.
+
+    Attributes:
+        tick: last policy tick.
+        reason: "success", "timeout", "fell", ...
+        success: the task was achieved.
+    """
+
+    topic: ClassVar[str] = "end"
+    tick: Count
+    reason: str
+    success: bool
+
+
+def finite_rows(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split floats (B, ...) into what may travel: the finite rows, else zeros, and a mask (B,)."""
+    finite = np.array([bool(np.isfinite(row).all()) for row in values], bool)
+    kept = values.copy()
+    kept[~finite] = 0.0
+    return kept, finite
