@@ -31,7 +31,7 @@ def settled_stand(robot: Robot) -> np.ndarray:
     """Return qpos (7 + joints,) of the robot standing at the origin, yaw 0, its feet on the floor.
 
     The height comes from kinematics: at the nominal one the feet may be in the floor, which would
-    throw the robot up. Nothing is simulated: without its policy a standing robot topples.
+    throw the robot up. Nothing is simulated: held by its servos alone the robot sinks.
     """
     model = compile_model(Scene(robot), PLANT)
     index = StateIndex(model)
