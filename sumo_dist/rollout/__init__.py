@@ -1,0 +1,83 @@
+"""Policy-in-the-loop rollouts: a native engine, and a fallback where it was not compiled."""
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import mujoco
+
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.rollout.interface import Controller, Engine, FrameRef, Rollouts
+
+if TYPE_CHECKING:
+    from sumo_dist.policies import Policy
+
+__all__ = [
+    "ENGINES",
+    "Controller",
+    "Engine",
+    "FrameRef",
+    "Rollouts",
+    "make_controller",
+    "make_engine",
+]
+
+ENGINES = ("auto", "native", "native-portable", "fallback")
+
+# The engines are imported where they are made: they know policies, whose contract knows this
+# package's tick, and the native one may not be there.
+
+
+def make_engine(
+    model: mujoco.MjModel,
+    policy: "Policy",
+    frames: tuple[FrameRef, ...],
+    threads: int,
+    kind: str = "auto",
+) -> Engine:
+    """Start a rollout engine.
+
+    Args:
+        model: planning model with autoreset disabled; the engine keeps a copy. Its time step
+            divides a tick, and the robot's joints and actuators come first.
+        policy: the low-level policy inside the rollouts.
+        frames: sites and bodies whose poses are recorded.
+        threads: that share the rows, including the caller's.
+        kind: one of ENGINES. "auto" is "native" where that was compiled, else "fallback";
+            "native-portable" gives the same bits on every CPU.
+
+    Raises:
+        UsageError: an unknown kind or frame, a model that does not fit, or an engine that this
+            installation does not have.
+    """
+    if _is_native(kind):
+        from sumo_dist.rollout.native import NativeEngine
+
+        return NativeEngine(model, policy, frames, threads, portable=kind == "native-portable")
+    from sumo_dist.rollout.fallback import FallbackEngine
+
+    return FallbackEngine(model, policy, frames, threads)
+
+
+def make_controller(policy: "Policy", model: mujoco.MjModel, kind: str = "auto") -> Controller:
+    """Return the policy as a function of one robot, by the same code as the engine of this kind.
+
+    Raises:
+        UsageError: as for `make_engine`.
+    """
+    if _is_native(kind):
+        from sumo_dist.rollout.native import NativeController
+
+        return NativeController(policy, portable=kind == "native-portable")
+    return policy
+
+
+def _is_native(kind: str) -> bool:
+    if kind not in ENGINES:
+        raise unknown("engine", kind, ENGINES)
+    compiled = find_spec("sumo_dist.rollout._native") is not None
+    if kind.startswith("native") and not compiled:
+        raise UsageError(
+            f"engine {kind!r} is not in this installation: it was built without a C++ compiler; "
+            "valid: auto, fallback"
+        )
+    return compiled and kind != "fallback"

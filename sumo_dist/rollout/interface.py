@@ -1,7 +1,7 @@
 """What every rollout engine offers: s' = f(s, policy(s, c)) for many rows at once."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -50,11 +50,18 @@ class Controller(Protocol):
 
 
 class Engine(Protocol):
-    """Policy-in-the-loop rollouts on one model. Not thread-safe; close it when done."""
+    """Policy-in-the-loop rollouts on one model. Not thread-safe; close it when done, or use with.
+
+    A row that diverges or becomes non-finite is marked, and NaN from that step on.
+    """
 
     name: str  # "native-avx2" | "native-portable" | "fallback"
     build: str  # identifies code, kernel and MuJoCo version; equal builds give equal bits
     frames: tuple[FrameRef, ...]
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *_: object) -> None: ...
 
     def rollout(self, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Rollouts:
         """Roll out B command sequences from one state.

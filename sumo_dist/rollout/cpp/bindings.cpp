@@ -1,0 +1,175 @@
+// The Python face of the engine: addresses and arrays in, arrays filled in place.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine.h"
+#include "hold_targets.h"
+#include "mlp.h"
+#include "spot_relic.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Address = std::uintptr_t;
+
+template <typename T, int N>
+using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+using Layer = std::pair<Array<const float, 2>, Array<const float, 1>>;
+
+template <typename T>
+T at(Address address) {
+  return reinterpret_cast<T>(address);
+}
+
+void require(bool condition, const char* message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+
+// Hidden layers with ELU, linear output.
+sumo::Mlp elu_network(const std::vector<Layer>& layers, const sumo::Kernel& kernel) {
+  std::vector<sumo::Dense> dense;
+  for (const auto& [weights, bias] : layers) {
+    require(weights.shape(0) == bias.shape(0), "a layer's weights and biases do not fit");
+    const bool last = dense.size() + 1 == layers.size();
+    dense.push_back({static_cast<int>(weights.shape(1)), static_cast<int>(weights.shape(0)),
+                     weights.data(), bias.data(),
+                     last ? sumo::Activation::kLinear : sumo::Activation::kElu});
+  }
+  return sumo::Mlp(kernel, dense);
+}
+
+const sumo::Kernel& kernel(bool portable) {
+  return portable ? sumo::portable_kernel() : sumo::best_kernel();
+}
+
+std::shared_ptr<sumo::Policy> spot_relic(
+    const std::vector<Layer>& layers,
+    const std::array<int, sumo::SpotLayout::kJoints>& joints_to_network,
+    const std::array<int, sumo::SpotLayout::kLegJoints>& action_to_legs,
+    const std::array<double, sumo::SpotLayout::kJoints>& joint_offsets, double action_scale,
+    bool portable) {
+  return std::make_shared<sumo::SpotRelic>(
+      elu_network(layers, kernel(portable)),
+      sumo::SpotLayout{joints_to_network, action_to_legs, joint_offsets, action_scale});
+}
+
+// One network evaluation per row, for tests and timing of the kernels.
+void evaluate(const std::vector<Layer>& layers, Array<const float, 2> inputs,
+              Array<float, 2> outputs, bool portable) {
+  const sumo::Mlp network = elu_network(layers, kernel(portable));
+  const int rows = static_cast<int>(inputs.shape(0));
+  require(static_cast<int>(inputs.shape(1)) == network.inputs() &&
+              static_cast<int>(outputs.shape(1)) == network.outputs() &&
+              outputs.shape(0) == inputs.shape(0),
+          "inputs or outputs do not fit the network");
+  sumo::Mlp::Workspace work = network.make_workspace(rows);
+  for (int r = 0; r < rows; ++r)
+    std::copy_n(inputs.data() + static_cast<long>(r) * network.inputs(), network.inputs(),
+                work.input(r));
+  network.forward(rows, work);
+  for (int r = 0; r < rows; ++r)
+    std::copy_n(work.output(r), network.outputs(),
+                outputs.data() + static_cast<long>(r) * network.outputs());
+}
+
+// One policy step of one robot.
+void step(const sumo::Policy& policy, Array<const double, 1> qpos, Array<const double, 1> qvel,
+          Array<const double, 1> command, Array<float, 1> memory, Array<double, 1> targets) {
+  const sumo::PolicySizes sizes = policy.sizes();
+  require(static_cast<int>(qpos.size()) >= sizes.qpos &&
+              static_cast<int>(qvel.size()) >= sizes.qvel &&
+              static_cast<int>(command.size()) == sizes.command &&
+              static_cast<int>(memory.size()) == sizes.memory &&
+              static_cast<int>(targets.size()) == sizes.targets,
+          "arrays do not fit the policy");
+  sumo::PolicyRow row{qpos.data(), qvel.data(), command.data(), memory.data(), targets.data()};
+  policy.step(&row, 1, *policy.make_workspace(1));
+}
+
+sumo::Simulation make_simulation(Address data, Address qpos, Address qvel, Address ctrl,
+                                 const std::vector<std::pair<Address, Address>>& frames,
+                                 const std::vector<Address>& warnings) {
+  sumo::Simulation sim{
+      at<void*>(data), at<const double*>(qpos), at<const double*>(qvel), at<double*>(ctrl), {}, {}};
+  for (const auto& [position, rotation] : frames)
+    sim.frames.push_back({at<const double*>(position), at<const double*>(rotation)});
+  for (const Address counter : warnings) sim.warnings.push_back(at<int*>(counter));
+  return sim;
+}
+
+void rollout(sumo::Engine& engine, Array<const double, 1> start, Array<const float, 1> memory,
+             Array<const double, 3> commands, Array<double, 3> states, Array<double, 4> positions,
+             Array<double, 5> rotations, Array<float, 2> memory_out, Array<bool, 1> valid) {
+  const sumo::Request request{static_cast<int>(commands.shape(0)),
+                              static_cast<int>(commands.shape(1)),
+                              start.data(),
+                              memory.data(),
+                              commands.data(),
+                              states.data(),
+                              positions.data(),
+                              rotations.data(),
+                              memory_out.data(),
+                              valid.data()};
+  const nb::gil_scoped_release released;
+  engine.rollout(request);
+}
+
+}  // namespace
+
+NB_MODULE(_native, m) {
+  m.attr("SOURCE_HASH") = SUMO_SOURCE_HASH;
+  m.def("best_kernel", [] { return std::string(sumo::best_kernel().name); });
+  m.def("evaluate", &evaluate, "layers"_a, "inputs"_a, "outputs"_a, "portable"_a);
+
+  nb::class_<sumo::Policy>(m, "Policy")
+      .def("step", &step, "qpos"_a, "qvel"_a, "command"_a, "memory"_a, "targets"_a);
+  m.def("spot_relic", &spot_relic, "layers"_a, "joints_to_network"_a, "action_to_legs"_a,
+        "joint_offsets"_a, "action_scale"_a, "portable"_a);
+  m.def("hold_targets", [](int targets) -> std::shared_ptr<sumo::Policy> {
+    return std::make_shared<sumo::HoldTargets>(targets);
+  }, "targets"_a);
+
+  nb::class_<sumo::Simulation>(m, "Simulation")
+      .def("__init__",
+           [](sumo::Simulation* self, Address data, Address qpos, Address qvel, Address ctrl,
+              const std::vector<std::pair<Address, Address>>& frames,
+              const std::vector<Address>& warnings) {
+             new (self) sumo::Simulation(
+                 make_simulation(data, qpos, qvel, ctrl, frames, warnings));
+           },
+           "data"_a, "qpos"_a, "qvel"_a, "ctrl"_a, "frames"_a, "warnings"_a);
+
+  nb::class_<sumo::Physics>(m, "Physics")
+      .def("__init__",
+           [](sumo::Physics* self, Address model, Address step, Address set_state,
+              Address kinematics, int signature, int nq, int nv, int nu, int substeps) {
+             new (self) sumo::Physics{at<const void*>(model),
+                                      at<decltype(sumo::Physics::step)>(step),
+                                      at<decltype(sumo::Physics::set_state)>(set_state),
+                                      at<decltype(sumo::Physics::kinematics)>(kinematics),
+                                      signature, nq, nv, nu, substeps};
+           },
+           "model"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a,
+           "nu"_a, "substeps"_a);
+
+  nb::class_<sumo::Engine>(m, "Engine")
+      .def(nb::init<const sumo::Physics&, std::shared_ptr<const sumo::Policy>,
+                    const std::vector<sumo::Simulation>&, int>(),
+           "physics"_a, "policy"_a, "simulations"_a, "threads"_a)
+      .def("rollout", &rollout, "start"_a, "memory"_a, "commands"_a, "states"_a, "positions"_a,
+           "rotations"_a, "memory_out"_a, "valid"_a);
+}

@@ -1,0 +1,166 @@
+#include "engine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+namespace sumo {
+namespace {
+
+constexpr double kHuge = 1e10;  // where MuJoCo itself calls a value bad
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+bool sane(const double* values, int size) {
+  return std::all_of(values, values + size, [](double x) { return std::fabs(x) <= kHuge; });
+}
+
+}  // namespace
+
+// Rows [first, first + count) of a request on the simulations of one lane.
+class Engine::Group {
+ public:
+  Group(const Engine& engine, const Request& request, Lane& lane, int first, int count)
+      : physics_(engine.physics_),
+        policy_(*engine.policy_),
+        sizes_(engine.policy_->sizes()),
+        frames_(engine.frames_),
+        request_(request),
+        lane_(lane),
+        first_(first) {
+    lane_.live.clear();
+    for (int i = 0; i < count; ++i) reset(i);
+  }
+
+  void run() {
+    for (int tick = 0; tick < request_.ticks; ++tick) {
+      evaluate_policy(tick);
+      const auto diverges = [&](int i) { return !advance(i, tick); };
+      auto& live = lane_.live;
+      live.erase(std::remove_if(live.begin(), live.end(), diverges), live.end());
+    }
+    for (const int i : lane_.live) {
+      physics_.kinematics(physics_.model, lane_.simulations[i].data);
+      record_frames(i, request_.ticks - 1);
+    }
+  }
+
+ private:
+  void reset(int i) {
+    const Simulation& sim = lane_.simulations[i];
+    physics_.set_state(physics_.model, sim.data, request_.start, physics_.signature);
+    for (int* warning : sim.warnings) *warning = 1;  // MuJoCo logs only a counter's first increment
+    std::copy_n(request_.memory, sizes_.memory, memory(i));
+    request_.valid[first_ + i] = true;
+    lane_.live.push_back(i);
+  }
+
+  void evaluate_policy(int tick) {
+    PolicyRow* row = lane_.rows.data();
+    for (const int i : lane_.live) {
+      const Simulation& sim = lane_.simulations[i];
+      const double* command = request_.commands + at(i, tick) * sizes_.command;
+      *row++ = {sim.qpos, sim.qvel, command, memory(i), sim.ctrl};
+    }
+    policy_.step(lane_.rows.data(), static_cast<int>(lane_.live.size()), *lane_.workspace);
+  }
+
+  // One policy step of physics; false if the row diverged.
+  bool advance(int i, int tick) {
+    const Simulation& sim = lane_.simulations[i];
+    for (int substep = 0; substep < physics_.substeps; ++substep) {
+      physics_.step(physics_.model, sim.data);
+      // mj_step leaves frames of the state it started from: those of the last recorded row.
+      if (substep == 0 && tick > 0) record_frames(i, tick - 1);
+      if (!healthy(sim)) {
+        invalidate(i, tick);
+        return false;
+      }
+    }
+    record_state(i, tick);
+    return true;
+  }
+
+  bool healthy(const Simulation& sim) const {
+    const auto raised = [](const int* warning) { return *warning != 1; };
+    return sane(sim.qpos, physics_.nq) && sane(sim.qvel, physics_.nv) &&
+           std::none_of(sim.warnings.begin(), sim.warnings.end(), raised);
+  }
+
+  void record_state(int i, int tick) const {
+    const Simulation& sim = lane_.simulations[i];
+    double* state = request_.states + at(i, tick) * (physics_.nq + physics_.nv);
+    std::copy_n(sim.qvel, physics_.nv, std::copy_n(sim.qpos, physics_.nq, state));
+  }
+
+  void record_frames(int i, int tick) const {
+    double* position = request_.positions + at(i, tick) * frames_ * 3;
+    double* rotation = request_.rotations + at(i, tick) * frames_ * 9;
+    for (const Frame& frame : lane_.simulations[i].frames) {
+      position = std::copy_n(frame.position, 3, position);
+      rotation = std::copy_n(frame.rotation, 9, rotation);
+    }
+  }
+
+  void invalidate(int i, int tick) {
+    const auto fill = [&](double* array, long size) {
+      std::fill(array + at(i, tick) * size, array + at(i, request_.ticks) * size, kNaN);
+    };
+    fill(request_.states, physics_.nq + physics_.nv);
+    fill(request_.positions, frames_ * 3L);
+    fill(request_.rotations, frames_ * 9L);
+    std::fill_n(memory(i), sizes_.memory, std::numeric_limits<float>::quiet_NaN());
+    request_.valid[first_ + i] = false;
+  }
+
+  long at(int i, int tick) const { return static_cast<long>(first_ + i) * request_.ticks + tick; }
+  float* memory(int i) const {
+    return request_.memory_out + static_cast<long>(first_ + i) * sizes_.memory;
+  }
+
+  const Physics& physics_;
+  const Policy& policy_;
+  const PolicySizes sizes_;
+  const int frames_;
+  const Request& request_;
+  Lane& lane_;
+  const int first_;
+};
+
+Engine::Engine(const Physics& physics, std::shared_ptr<const Policy> policy,
+               const std::vector<Simulation>& simulations, int threads)
+    : physics_(physics), policy_(std::move(policy)), pool_(std::max(threads, 1)) {
+  const PolicySizes sizes = policy_->sizes();
+  if (sizes.qpos > physics_.nq || sizes.qvel > physics_.nv || sizes.targets != physics_.nu)
+    throw std::invalid_argument("the policy drives another robot than the model's");
+  const int share = static_cast<int>(simulations.size()) / pool_.size();
+  if (share < 1) throw std::invalid_argument("fewer simulations than threads");
+  frames_ = static_cast<int>(simulations.front().frames.size());
+  for (int thread = 0; thread < pool_.size(); ++thread) {
+    const auto first = simulations.begin() + static_cast<long>(thread) * share;
+    lanes_.push_back({{first, first + share},
+                      policy_->make_workspace(share),
+                      std::vector<PolicyRow>(share),
+                      {}});
+  }
+}
+
+int Engine::group_size(int rows) const {
+  const int threads = pool_.size();
+  const int largest = static_cast<int>(lanes_.front().simulations.size());
+  const int waves = (rows + threads * largest - 1) / (threads * largest);
+  return (rows + threads * waves - 1) / (threads * waves);
+}
+
+void Engine::rollout(const Request& request) {
+  const std::lock_guard<std::mutex> lock(busy_);
+  const int size = group_size(request.rows);
+  const int groups = (request.rows + size - 1) / size;
+  pool_.run(groups, [&](int index, int thread) {
+    const int first = index * size;
+    Group(*this, request, lanes_[thread], first, std::min(size, request.rows - first)).run();
+  });
+}
+
+}  // namespace sumo

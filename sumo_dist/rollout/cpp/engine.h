@@ -1,0 +1,85 @@
+// Policy-in-the-loop rollouts: groups of rows in lockstep, so that the policy runs in batches.
+//
+// MuJoCo is reached through addresses alone (its functions, models, data and their arrays): struct
+// layouts change between releases, the functions' signatures do not.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "policy.h"
+#include "thread_pool.h"
+
+namespace sumo {
+
+struct Physics {
+  const void* model;
+  void (*step)(const void* model, void* data);
+  void (*set_state)(const void* model, void* data, const double* state, int signature);
+  void (*kinematics)(const void* model, void* data);
+  int signature;  // of the state that resets a simulation
+  int nq, nv, nu;
+  int substeps;  // physics steps per policy step
+};
+
+struct Frame {
+  const double* position;  // 3
+  const double* rotation;  // 3 x 3, row-major
+};
+
+struct Simulation {
+  void* data;
+  const double* qpos;
+  const double* qvel;
+  double* ctrl;
+  std::vector<Frame> frames;
+  std::vector<int*> warnings;  // counters of the warnings that mean divergence
+};
+
+struct Request {
+  int rows, ticks;
+  const double* start;     // state to reset to, as of Physics::signature
+  const float* memory;     // before the first step
+  const double* commands;  // rows x ticks x command
+  // Results, see sumo_dist/rollout/interface.py.
+  double* states;     // rows x ticks x (nq + nv)
+  double* positions;  // rows x ticks x frames x 3
+  double* rotations;  // rows x ticks x frames x 9
+  float* memory_out;  // rows x memory
+  bool* valid;        // rows
+};
+
+class Engine {
+ public:
+  // Every thread gets an equal share of the simulations: its largest group.
+  Engine(const Physics& physics, std::shared_ptr<const Policy> policy,
+         const std::vector<Simulation>& simulations, int threads);
+
+  void rollout(const Request& request);
+
+  const Policy& policy() const { return *policy_; }
+  const Physics& physics() const { return physics_; }
+  int frames() const { return frames_; }
+
+ private:
+  class Group;
+
+  struct Lane {  // what one thread works with
+    std::vector<Simulation> simulations;
+    std::unique_ptr<Policy::Workspace> workspace;
+    std::vector<PolicyRow> rows;
+    std::vector<int> live;
+  };
+
+  int group_size(int rows) const;
+
+  Physics physics_;
+  std::shared_ptr<const Policy> policy_;
+  int frames_;
+  std::vector<Lane> lanes_;
+  std::mutex busy_;
+  ThreadPool pool_;
+};
+
+}  // namespace sumo

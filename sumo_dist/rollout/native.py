@@ -1,0 +1,163 @@
+"""The native engine: hands MuJoCo's functions and the simulations' addresses to C++."""
+
+import ctypes
+import platform
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.policies import spot
+from sumo_dist.rollout import _native, hold
+from sumo_dist.rollout.base import DIVERGED, RESET_STATE, RolloutEngine, frame_arrays
+from sumo_dist.rollout.interface import FrameRef, Rollouts
+
+if TYPE_CHECKING:
+    from sumo_dist.policies import Policy
+
+GROUP = 16  # simulations per thread: more share a network evaluation, but outgrow the L2 cache
+
+
+class NativeEngine(RolloutEngine):
+    """Rollouts on native threads; the GIL is released for the whole call."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        policy: "Policy",
+        frames: tuple[FrameRef, ...],
+        threads: int,
+        portable: bool = False,
+    ) -> None:
+        super().__init__(model, policy, frames, threads)
+        kernel = "portable" if portable else _native.best_kernel()
+        self.name = f"native-{kernel}"
+        self.build = "-".join(
+            (_native.SOURCE_HASH, kernel, f"mujoco{mujoco.__version__}", platform.machine())
+        )
+        self._pool = [mujoco.MjData(self._model) for _ in range(threads * GROUP)]
+        simulations = [self._simulation(data) for data in self._pool]
+        self._engine: _native.Engine | None = _native.Engine(
+            self._physics(), native_policy(policy, portable), simulations, threads
+        )
+
+    def close(self) -> None:
+        """Stop the engine's threads and free its simulations; harmless when repeated."""
+        self._engine = None
+        self._pool = []
+
+    def _roll_out(
+        self, start: np.ndarray, memory: np.ndarray, commands: np.ndarray, out: Rollouts
+    ) -> None:
+        if self._engine is None:
+            raise UsageError("this rollout engine is closed")
+        self._engine.rollout(
+            start,
+            memory,
+            commands,
+            out.states,
+            out.positions,
+            out.rotations,
+            out.memory,
+            out.valid,
+        )
+
+    def _physics(self) -> _native.Physics:
+        # The bindings' own module resolves to the one libmujoco that is loaded.
+        library = ctypes.CDLL(mujoco._functions.__file__)
+        return _native.Physics(
+            model=self._model._address,
+            step=_function(library, "mj_step"),
+            set_state=_function(library, "mj_setState"),
+            kinematics=_function(library, "mj_kinematics"),
+            signature=RESET_STATE,
+            nq=self._model.nq,
+            nv=self._model.nv,
+            nu=self._model.nu,
+            substeps=self._substeps,
+        )
+
+    def _simulation(self, data: mujoco.MjData) -> _native.Simulation:
+        frames = (frame_arrays(data, kind, index) for kind, index in self._frame_ids)
+        counters = data.warning.number
+        return _native.Simulation(
+            data=data._address,
+            qpos=data.qpos.ctypes.data,
+            qvel=data.qvel.ctypes.data,
+            ctrl=data.ctrl.ctypes.data,
+            frames=[(position.ctypes.data, rotation.ctypes.data) for position, rotation in frames],
+            warnings=[counters[warning:].ctypes.data for warning in DIVERGED],
+        )
+
+
+class NativeController:
+    """The policy by the engine's own code, one robot at a time; see `interface.Controller`."""
+
+    def __init__(self, policy: "Policy", portable: bool = False) -> None:
+        self._initial_memory = policy.initial_memory()
+        self._targets = len(policy.contract.joints)
+        self._policy = native_policy(policy, portable)
+
+    def initial_memory(self) -> np.ndarray:
+        """Return the memory of a policy that was just started, (nm,) float32."""
+        return self._initial_memory.copy()
+
+    def step(
+        self, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray, memory: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(nq,), (nv,), (nc,), (nm,) -> joint targets (nu,) [rad] and the next memory (nm,)."""
+        targets = np.empty(self._targets)
+        following = np.array(memory, np.float32)
+        try:
+            self._policy.step(
+                np.ascontiguousarray(qpos, np.float64),
+                np.ascontiguousarray(qvel, np.float64),
+                np.ascontiguousarray(command, np.float64),
+                following,
+                targets,
+            )
+        except (TypeError, ValueError):
+            shapes = ", ".join(str(np.shape(a)) for a in (qpos, qvel, command, memory))
+            raise SumoError(f"policy step: shapes {shapes} do not fit the policy") from None
+        return targets, following
+
+
+def _spot_relic(policy: "Policy", portable: bool) -> _native.Policy:
+    return _native.spot_relic(
+        policy.layers,
+        spot.JOINTS_TO_NETWORK,
+        spot.ACTION_TO_LEGS,
+        spot.JOINT_OFFSETS,
+        spot.ACTION_SCALE,
+        portable,
+    )
+
+
+def _hold_targets(policy: "Policy", portable: bool) -> _native.Policy:
+    del portable  # there is no network
+    return _native.hold_targets(len(policy.contract.joints))
+
+
+NATIVE_POLICIES: dict[str, Callable[["Policy", bool], _native.Policy]] = {
+    spot.KIND: _spot_relic,
+    hold.KIND: _hold_targets,
+}
+
+
+def native_policy(policy: "Policy", portable: bool) -> _native.Policy:
+    """Build the native twin of a policy.
+
+    Raises:
+        UsageError: policies of this kind have none.
+    """
+    if policy.kind not in NATIVE_POLICIES:
+        raise unknown("native policy", policy.kind, NATIVE_POLICIES)
+    return NATIVE_POLICIES[policy.kind](policy, portable)
+
+
+def _function(library: ctypes.CDLL, name: str) -> int:
+    address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+    assert address is not None
+    return address
