@@ -20,32 +20,33 @@ class StateIndex:
         """Read the layout of a compiled model."""
         self.nq: int = model.nq
         self.nv: int = model.nv
-        self._addresses: dict[str, tuple[int, int]] = {}  # joint -> in qpos, in qvel
-        self._free_joints: dict[str, str] = {}  # body -> joint
+        self._free: dict[str, tuple[int, int]] = {}  # body -> where in qpos and qvel
+        self._joints: dict[str, tuple[int, int]] = {}  # hinge or slide -> where in a state
         for i in range(model.njnt):
-            joint = model.joint(i)
-            self._addresses[joint.name] = int(joint.qposadr[0]), int(joint.dofadr[0])
-            if joint.type[0] == mujoco.mjtJoint.mjJNT_FREE:
-                self._free_joints[model.body(joint.bodyid[0]).name] = joint.name
-        self.free_bodies = tuple(self._free_joints)
+            joint, in_qpos, in_qvel = model.joint(i), model.jnt_qposadr[i], model.jnt_dofadr[i]
+            if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE:
+                self._free[model.body(model.jnt_bodyid[i]).name] = in_qpos, in_qvel
+            elif model.jnt_type[i] != mujoco.mjtJoint.mjJNT_BALL:
+                self._joints[joint.name] = in_qpos, self.nq + in_qvel
+        self.free_bodies = tuple(self._free)
 
     def pose(self, body: str) -> slice:
         """Slice of a free body's position, world [m], and quaternion wxyz, in qpos or a state."""
-        start, _ = self._free(body)
+        start, _ = self._find(body)
         return slice(start, start + 7)
 
     def velocity(self, body: str) -> slice:
         """Slice of a state: linear velocity, world [m/s], and angular, body frame [rad/s]."""
-        _, start = self._free(body)
+        _, start = self._find(body)
         return slice(self.nq + start, self.nq + start + 6)
 
     def joints(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Indices of hinge or slide joints' positions and velocities in a state."""
         for name in names:
-            if name not in self._addresses:
-                raise unknown("joint", name, self._addresses)
-        addresses = np.array([self._addresses[name] for name in names], np.intp).reshape(-1, 2)
-        return addresses[:, 0], self.nq + addresses[:, 1]
+            if name not in self._joints:
+                raise unknown("joint", name, self._joints)
+        indices = np.array([self._joints[name] for name in names], np.intp).reshape(-1, 2)
+        return indices[:, 0], indices[:, 1]
 
     def pack(self, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
         """(..., nq) and (..., nv) to states (..., nq + nv)."""
@@ -57,7 +58,7 @@ class StateIndex:
             raise UsageError(f"state of shape {np.shape(state)}; needs (..., {self.nq + self.nv})")
         return state[..., : self.nq], state[..., self.nq :]
 
-    def _free(self, body: str) -> tuple[int, int]:
-        if body not in self._free_joints:
-            raise unknown("free body", body, self._free_joints)
-        return self._addresses[self._free_joints[body]]
+    def _find(self, body: str) -> tuple[int, int]:
+        if body not in self._free:
+            raise unknown("free body", body, self._free)
+        return self._free[body]

@@ -46,6 +46,13 @@ class Scene:
     fixtures: tuple[SceneObject, ...] = ()
     floor_friction: float = 0.7
 
+    def __post_init__(self) -> None:
+        names = ["floor", *(thing.name for thing in (*self.objects, *self.fixtures))]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise UsageError(
+                f"scene: objects and fixtures need distinct names, got {repeated} twice"
+            )
+
 
 @dataclass(frozen=True)
 class ModelOptions:
@@ -73,6 +80,7 @@ def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
         UsageError: a file is missing or is no valid model, or two elements have the same name.
     """
     spec = _load(scene.robot.mjcf)  # the parent, so that its names need no prefix
+    _set_options(spec, options)
     with _invalid_model("the scene"):
         _attach(spec, _load(FLOOR), "floor")
         spec.geom("floor/ground").friction[0] = scene.floor_friction
@@ -83,7 +91,6 @@ def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
             root.name, joint.name = thing.name, f"{thing.name}_joint"
         for fixture in scene.fixtures:
             _attach(spec, _load(fixture.mjcf), fixture.name)
-    _set_options(spec, options)
     return spec
 
 
@@ -127,11 +134,13 @@ def _free_body(spec: mujoco.MjSpec, mjcf: str) -> tuple[mujoco.MjsBody, mujoco.M
 
 
 def _attach(spec: mujoco.MjSpec, child: mujoco.MjSpec, name: str) -> None:
+    # The parent's settings win anyway; a child that differs would make MuJoCo warn.
+    child.option, child.visual, child.stat = spec.option, spec.visual, spec.stat
     spec.attach(child, prefix=f"{name}/", frame=spec.worldbody.add_frame())
 
 
 def _set_options(spec: mujoco.MjSpec, options: ModelOptions) -> None:
-    """Set what the whole scene shares; options in attached files have no effect."""
+    """Set what the parts of a scene share."""
     spec.option.timestep = options.timestep
     spec.option.density = options.fluid_density
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

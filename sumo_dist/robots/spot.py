@@ -22,10 +22,6 @@ _BASE, _ARM, _GRIPPER = slice(0, 3), slice(3, 9), slice(9, 10)
 _FRONT_LEFT, _FRONT_RIGHT, _PITCH_HEIGHT = slice(10, 13), slice(13, 16), slice(23, 25)
 
 
-def _standing_command(arm: tuple[float, ...]) -> tuple[float, ...]:
-    return (0.0, 0.0, 0.0, *arm, GRIPPER_CLOSED, *(0.0,) * 12, 0.0, 0.0, STAND_HEIGHT)
-
-
 SPOT = Robot(
     name="spot",
     mjcf="robots/spot.xml",
@@ -36,7 +32,11 @@ SPOT = Robot(
     sit=(*SITTING, *ARM_STOWED, GRIPPER_CLOSED),
     fall_height=0.35,
     policy="spot",
-    default_command=_standing_command(ARM_UNSTOWED),
+    default_command=(
+        *(0.0, 0.0, 0.0, *ARM_UNSTOWED, GRIPPER_CLOSED),
+        *(0.0,) * 12,
+        *(0.0, 0.0, STAND_HEIGHT),
+    ),
 )
 
 
@@ -75,8 +75,9 @@ def spot_actions(
 ) -> ActionSpace:
     """Build Spot's action space: base velocity and what else is asked for, in this order.
 
-    What is left out has no dimension; its command is the default: arm stowed, gripper closed, legs
-    to the policy, torso level at 0.52 m (its roll is never searched). A gripper action above 0
+    What is left out has no dimension; its command is the robot's default: the arm as in the stance
+    (a step from there to the stowed arm would topple the robot), gripper closed, legs to the
+    policy, torso level at 0.52 m. The torso's roll is never searched. A gripper action above 0
     closes the gripper, any other opens it. Leg selection s < -0.5 commands the front left leg,
     s > 0.5 the front right one, any other value none (paper, section on the action space).
 
@@ -90,7 +91,7 @@ def spot_actions(
     limbs = {name: limb for name, limb in _LIMBS.items() if wanted[name]}
     ends = np.cumsum([len(limb.names) for limb in limbs.values()])
     columns = dict(zip(limbs, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
-    padding = np.array(_standing_command(ARM_UNSTOWED if arm else ARM_STOWED))
+    padding = np.array(SPOT.default_command)
 
     def to_command(action: np.ndarray) -> np.ndarray:
         command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
