@@ -15,6 +15,10 @@ class UsageError(SumoError):
     exit_code = 2
 
 
+class Interrupted(SumoError):
+    """A service was told to stop while it waited for something."""
+
+
 def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:
     """Build the error for a name that is not in a set of valid names."""
     return UsageError(f"unknown {kind} {name!r}; valid: {', '.join(sorted(valid)) or '(none)'}")

@@ -17,7 +17,7 @@ class LocalPlanning:
         self._planner = planner
         self._evaluator = evaluator
         self._rollout_s = 0.0
-        self.traces: np.ndarray | None = None  # of the newest plan: see Evaluation.traces
+        self.traces = np.empty(0, np.float32)  # of the newest plan: see Evaluation.traces
 
     def __call__(self, request: PlanRequest) -> PlanReport:
         """Make one plan."""

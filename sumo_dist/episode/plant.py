@@ -47,8 +47,8 @@ class Plant:
         Args:
             scene: robot and objects.
             state: initial state.
-            estimator: "truth" sends the state itself, at 0.01 s physics; "lowpass" sends encoder and
-                motion-capture packets, at 0.001 s physics.
+            estimator: what the readings are for. "truth": the state itself, at 0.01 s physics;
+                "lowpass": encoder and motion-capture packets, at 0.001 s physics.
         """
         timestep = PLANT.timestep if estimator == "truth" else 0.001
         options = ModelOptions(timestep, PLANT.fluid_density)
@@ -57,10 +57,8 @@ class Plant:
         self._substeps = round(TICK / timestep)
         self._packets = estimator == "lowpass"
         self.tick = 0
-        if np.shape(state) != (self.model.nq + self.model.nv,):
-            raise UsageError(
-                f"initial state has shape {np.shape(state)}, needs ({self.model.nq + self.model.nv},)"
-            )
+        if np.shape(state) != ((size := self.model.nq + self.model.nv),):
+            raise UsageError(f"initial state has shape {np.shape(state)}, needs ({size},)")
         self._data.qpos[:], self._data.qvel[:] = np.split(state, [self.model.nq])
         mujoco.mj_forward(self.model, self._data)
         free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)

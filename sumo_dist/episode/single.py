@@ -20,11 +20,11 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.rollout import make_controller
 from sumo_dist.tasks import load_task
 
-OnPlan = Callable[[PlanRequest, PlanReport], None]
+OnPlan = Callable[[PlanReport], None]
 
 
 def run_single(
-    config: EpisodeConfig, threads: int, on_plan: OnPlan = lambda _request, _report: None
+    config: EpisodeConfig, threads: int, on_plan: OnPlan = lambda _report: None
 ) -> tuple[Recording, Ending]:
     """Run an episode to its end; Ctrl-C ends it early and keeps what was recorded."""
     if config.clock != "lockstep":
@@ -43,7 +43,7 @@ def run_single(
         def make_plan(request: PlanRequest) -> PlanReport:
             report = planning(request)
             recording.traces.append(planning.traces)
-            on_plan(request, report)
+            on_plan(report)
             return report
 
         began = time.perf_counter()

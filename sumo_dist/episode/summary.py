@@ -3,18 +3,18 @@
 import importlib.metadata
 import json
 import platform
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
 from sumo_dist.rollout.interface import TICK
 
 _TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
-FAULTS = ("interrupted", "no plan", "no state", "fault")  # reasons that are not the task's
+FAULTS = ("interrupted", "no answer", "fault")  # reasons that are not the task's
 
 
 @dataclass(frozen=True)
@@ -24,16 +24,10 @@ class Ending:
     Attributes:
         reason: the referee's verdict or a named fault.
         wall_s: wall time of the episode [s].
-        missed_deadlines: planning periods without a new plan.
-        partial_plans: plans made without some of their candidates.
-        rollouts_lost: candidates left out or sent a second time.
     """
 
     reason: str
     wall_s: float
-    missed_deadlines: int = 0
-    partial_plans: int = 0
-    rollouts_lost: int = 0
 
     @property
     def exit_code(self) -> int:
@@ -44,7 +38,11 @@ class Ending:
 
 
 def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
-    """Return the content of summary.json."""
+    """Return the content of summary.json.
+
+    Its counters: `missed_deadlines`, planning periods without a new plan; `partial_plans`, plans
+    made without some of their candidates; `rollouts_lost`, candidates left out or asked for twice.
+    """
     plan_ms = np.array(recording.plan_ms or [np.nan])
     seconds = (len(recording.states) - 1) * TICK
     success = ending.reason == "success"
@@ -58,9 +56,9 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
         "plans": len(recording.plan_ms),
         "plan_ms_p50": _finite(np.percentile(plan_ms, 50)),
         "plan_ms_p99": _finite(np.percentile(plan_ms, 99)),
-        "missed_deadlines": ending.missed_deadlines,
-        "partial_plans": ending.partial_plans,
-        "rollouts_lost": ending.rollouts_lost,
+        "missed_deadlines": int(np.maximum(np.diff(recording.plan_numbers) - 1, 0).sum()),
+        "partial_plans": int(np.count_nonzero(recording.lost)),
+        "rollouts_lost": int(np.sum(recording.lost) + np.sum(recording.reissued)),
         "real_time_factor": round(seconds / ending.wall_s, 4) if ending.wall_s > 0 else None,
         "plan_digest": recording.plan_digest,
         "state_digest": recording.state_digest,
@@ -73,6 +71,14 @@ def write_summary(summary: dict[str, Any], folder: Path) -> None:
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
 
 
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read DIR/summary.json."""
+    try:
+        return json.loads((folder / "summary.json").read_text())
+    except (OSError, json.JSONDecodeError) as error:
+        raise SumoError(f"the run left no readable {folder / 'summary.json'}: {error}") from None
+
+
 def one_line(summary: dict[str, Any]) -> str:
     """Return the line a run ends with."""
     seconds = summary["robot_time_s"]
@@ -81,9 +87,10 @@ def one_line(summary: dict[str, Any]) -> str:
         if summary["success"]
         else f"not solved: {summary['end_reason']}"
     )
+    p50, p99 = summary["plan_ms_p50"] or 0, summary["plan_ms_p99"] or 0
     parts = [
         f"{summary['task']} seed {summary['seed']}: {outcome}",
-        f"{summary['plans']} plans of {summary['plan_ms_p50'] or 0:.0f} ms (p99 {summary['plan_ms_p99'] or 0:.0f})",
+        f"{summary['plans']} plans of {p50:.0f} ms (p99 {p99:.0f})",
         f"{summary['real_time_factor'] or 0:.2f}x real time",
         f"{summary['optimizer']} on {summary['engine']}",
     ]

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import get_args
 
@@ -35,7 +35,7 @@ class PlannerConfig:
     horizon: float = 1.5
     rollouts: int = 32
     nodes: int = 4
-    spline: str = "linear"
+    spline: Order = "linear"
     iterations: int = 1
     variance_first: float = 0.02
     variance_last: float = 0.6
@@ -89,6 +89,15 @@ class PlannerConfig:
                     f"setting {key} needs a value of type {types[key].__name__}, got {text!r}"
                 ) from None
         return replace(self, **changes)
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, int | float | str]) -> "PlannerConfig":
+        """Build from all settings by name, as they come over the wire."""
+        types = {f.name: type(f.default) for f in fields(cls)}
+        if {name: type(value) for name, value in settings.items()} != types:
+            valid = ", ".join(f"{name}: {kind.__name__}" for name, kind in types.items())
+            raise UsageError(f"planner settings of another version; valid: {valid}")
+        return cls(**settings)  # pyright: ignore[reportArgumentType]  # types are those above
 
     def hash(self, task_hash: str) -> str:
         """Short SHA-256 over the settings and the task they plan for."""

@@ -21,13 +21,14 @@ class Evaluation:
         terms: (B, n_terms) weighted costs; rows that were lost or invalid are NaN.
         valid: (B,) the rollout stayed finite.
         answered: (B,) False for candidates nobody rolled out in time.
-        traces: (B, F, P, 3) float32 thinned paths of the task's trail frames, world [m], if known.
+        traces: (B, F, P, 3) float32 thinned paths of the trail frames, world [m]; empty where
+            they stay with the workers.
     """
 
     terms: np.ndarray
     valid: np.ndarray
     answered: np.ndarray
-    traces: np.ndarray | None = None
+    traces: np.ndarray
 
     @property
     def costs(self) -> np.ndarray:

@@ -68,13 +68,19 @@ class Planner:
     def plan(self, request: PlanRequest, evaluate: Evaluate) -> PlanResult:
         """Run the iterations of one plan."""
         belief = Belief(self.shifted(request), self._sigma)  # (K, n)
-        for iteration in range(self.config.iterations):
-            rng = self._rng(request.number, iteration)
-            knots = sample(belief, self.config.rollouts, rng)  # (B, K, n)
-            evaluation = evaluate(request, iteration, knots)
-            belief = self._optimizer.update(belief, knots, evaluation.costs)
+        belief, evaluation = self._improve(belief, request, 0, evaluate)
+        for iteration in range(1, self.config.iterations):
+            belief, evaluation = self._improve(belief, request, iteration, evaluate)
         failed = not np.isfinite(evaluation.costs).any()
         return PlanResult(self._anchored(request, belief.mean), evaluation, failed)
+
+    def _improve(
+        self, belief: Belief, request: PlanRequest, iteration: int, evaluate: Evaluate
+    ) -> tuple[Belief, Evaluation]:
+        rng = self._rng(request.number, iteration)
+        knots = sample(belief, self.config.rollouts, rng)  # (B, K, n)
+        evaluation = evaluate(request, iteration, knots)
+        return self._optimizer.update(belief, knots, evaluation.costs), evaluation
 
     def shifted(self, request: PlanRequest) -> np.ndarray:
         """Knots (K, n) of the previous plan at the new node times; at first, stand and wait."""

@@ -42,7 +42,7 @@ class Problem:
         """Compile the planning model, load the policy (fetching it on first need), check both."""
         model = compile_model(task.scene, options)
         policy = load_policy(task.scene.robot.policy)
-        check(policy.contract, model)
+        check(policy.contract, task.scene.robot, model)
         layout = ViewLayout(model, task.frames)
         return cls(task, model, policy, layout, _hash(task, model, policy))
 

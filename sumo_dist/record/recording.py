@@ -25,6 +25,7 @@ class Recording:
         estimates: per tick, (nq + nv,) the state that the policy and the planner saw.
         memories: per tick, (nm,) policy memory before that tick's evaluation.
         plan_numbers, plan_ticks, plan_ms: per plan; the tick it is anchored on; wall time [ms].
+        age_ticks, lost, reissued: per plan, as in PlanReport.
         knots: per plan, (K, n) normalised actions.
         costs: per plan, (B,) candidates' costs, +inf where lost or invalid.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
@@ -39,6 +40,9 @@ class Recording:
     plan_numbers: list[int] = field(default_factory=list)
     plan_ticks: list[int] = field(default_factory=list)
     plan_ms: list[float] = field(default_factory=list)
+    age_ticks: list[int] = field(default_factory=list)
+    lost: list[int] = field(default_factory=list)
+    reissued: list[int] = field(default_factory=list)
     knots: list[np.ndarray] = field(default_factory=list)
     costs: list[np.ndarray] = field(default_factory=list)
     terms: list[np.ndarray] = field(default_factory=list)
@@ -55,6 +59,9 @@ class Recording:
         self.plan_numbers.append(report.plan.number)
         self.plan_ticks.append(report.plan.tick)
         self.plan_ms.append(report.plan_ms)
+        self.age_ticks.append(report.age_ticks)
+        self.lost.append(report.lost)
+        self.reissued.append(report.reissued)
         self.knots.append(report.plan.knots)
         self.costs.append(np.where(report.finite, report.costs, np.inf))
         self.terms.append(report.terms)

@@ -17,6 +17,7 @@ __all__ = [
     "Engine",
     "FrameRef",
     "Rollouts",
+    "engine_identity",
     "make_controller",
     "make_engine",
 ]
@@ -69,6 +70,23 @@ def make_controller(policy: "Policy", model: mujoco.MjModel, kind: str = "auto")
 
         return NativeController(policy, portable=kind == "native-portable")
     return policy
+
+
+def engine_identity(kind: str = "auto") -> tuple[str, str]:
+    """Return name and build of the engine that a kind stands for, without starting it.
+
+    Equal builds give equal bits; see `interface.Engine`.
+
+    Raises:
+        UsageError: as for `make_engine`.
+    """
+    if _is_native(kind):
+        from sumo_dist.rollout.native import identity
+
+        return identity(kind == "native-portable")
+    from sumo_dist.rollout.fallback import identity as fallback_identity
+
+    return fallback_identity()
 
 
 def _is_native(kind: str) -> bool:

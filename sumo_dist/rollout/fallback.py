@@ -19,18 +19,21 @@ if TYPE_CHECKING:
 CHUNK = 32  # rows that are simulated at a time
 
 
+def identity() -> tuple[str, str]:
+    """Return the engine's name and build."""
+    source = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
+    versions = f"mujoco{mujoco.__version__}-numpy{np.__version__}"
+    return "fallback", f"{source}-numpy-{versions}-{platform.machine()}"
+
+
 class FallbackEngine(RolloutEngine):
     """Rollouts in chunks of rows; a policy's `step` does not mix rows, nor does `mujoco.batch`."""
-
-    name = "fallback"
 
     def __init__(
         self, model: mujoco.MjModel, policy: "Policy", frames: tuple[FrameRef, ...], threads: int
     ) -> None:
         super().__init__(model, policy, frames, threads)
-        source = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
-        versions = f"mujoco{mujoco.__version__}-numpy{np.__version__}"
-        self.build = f"{source}-numpy-{versions}-{platform.machine()}"
+        self.name, self.build = identity()
         batch = Batch(self._model, CHUNK, threads)
         fields = {"site": ("site_xpos", "site_xmat"), "body": ("xpos", "xmat")}
         self._sources = [

@@ -17,7 +17,14 @@ from sumo_dist.rollout.interface import FrameRef, Rollouts
 if TYPE_CHECKING:
     from sumo_dist.policies import Policy
 
-GROUP = 16  # simulations per thread: more share a network evaluation, but outgrow the L2 cache
+GROUP = 8  # simulations per thread: they share a network evaluation; many would outgrow the cache
+
+
+def identity(portable: bool) -> tuple[str, str]:
+    """Return the engine's name and build."""
+    kernel = "portable" if portable else _native.best_kernel()
+    versions = (_native.SOURCE_HASH, kernel, f"mujoco{mujoco.__version__}", platform.machine())
+    return f"native-{kernel}", "-".join(versions)
 
 
 class NativeEngine(RolloutEngine):
@@ -32,11 +39,7 @@ class NativeEngine(RolloutEngine):
         portable: bool = False,
     ) -> None:
         super().__init__(model, policy, frames, threads)
-        kernel = "portable" if portable else _native.best_kernel()
-        self.name = f"native-{kernel}"
-        self.build = "-".join(
-            (_native.SOURCE_HASH, kernel, f"mujoco{mujoco.__version__}", platform.machine())
-        )
+        self.name, self.build = identity(portable)
         self._pool = [mujoco.MjData(self._model) for _ in range(threads * GROUP)]
         simulations = [self._simulation(data) for data in self._pool]
         self._engine: _native.Engine | None = _native.Engine(

@@ -4,12 +4,13 @@ Sizes: B rollouts of a plan, b of a shard, K knots, n searched action dimensions
 Floats are finite: costs that are not travel as zeros beside a mask, see `finite_rows`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.keys import NAME_PATTERN
 from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
 
@@ -141,6 +142,16 @@ class PlanMessage(Message):
     invalid: Count
     failed: bool
     workers: Count
+
+    @classmethod
+    def of(cls, run: str, report: PlanReport) -> "PlanMessage":
+        """Put a planner's report on the wire."""
+        return cls(run, **vars(report))
+
+    @property
+    def report(self) -> PlanReport:
+        """The planner's report."""
+        return PlanReport(**{f.name: getattr(self, f.name) for f in fields(PlanReport)})
 
     @property
     def order(self) -> tuple[int, ...]:

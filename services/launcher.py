@@ -1,0 +1,122 @@
+"""Starts every service of a run on this machine, watches them, and stops them all."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+from sumo_dist.errors import SumoError
+
+PARENT = "SUMO_DIST_PARENT"  # a service whose launcher dies ends too
+STOP_S = 5.0  # services get this long to end before they are killed
+
+
+@dataclass(frozen=True)
+class Service:
+    """A process of a run.
+
+    Attributes:
+        name: shown to the user.
+        command: subcommand of sumo-dist.
+        options: its options as a dataclass.
+        vital: the run cannot go on without it.
+    """
+
+    name: str
+    command: str
+    options: Any
+    vital: bool = True
+
+
+def flags(options: Any, prefix: str = "") -> Iterator[str]:
+    """Command-line flags that say the same as a dataclass of options."""
+    for f in fields(options):
+        value = getattr(options, f.name)
+        name = f"{prefix}{f.name.replace('_', '-')}"
+        if is_dataclass(value):
+            yield from flags(value, f"{name}.")
+        elif isinstance(value, bool):
+            yield f"--{name}" if value else f"--{prefix}no-{f.name.replace('_', '-')}"
+        else:
+            yield from (f"--{name}", str(value))
+
+
+class Launcher:
+    """The processes of one run. A context manager: leaving it stops them all."""
+
+    def __init__(self, poll_s: float = 0.05) -> None:
+        """Start with none."""
+        self._poll_s = poll_s
+        self._services: dict[str, tuple[Service, subprocess.Popen[bytes]]] = {}
+        self._noted: set[str] = set()
+
+    def start(self, service: Service) -> subprocess.Popen[bytes]:
+        """Start a service in a process group of its own: Ctrl-C reaches only the launcher."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", "sumo_dist", service.command, *flags(service.options)],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            env={**os.environ, PARENT: str(os.getpid())},
+        )
+        self._services[service.name] = service, process
+        return process
+
+    def wait_for(self, name: str) -> int:
+        """Return the exit code of a service when it ends; a vital one that ends first raises."""
+        _, process = self._services[name]
+        while process.poll() is None:
+            time.sleep(self._poll_s)
+            for other, (service, running) in self._services.items():
+                if other != name and running.poll() is not None:
+                    self._note(service, running.returncode)
+        return process.returncode
+
+    def _note(self, service: Service, code: int) -> None:
+        if service.vital:
+            raise SumoError(f"{service.name} ended with exit code {code}; see its messages above")
+        if service.name not in self._noted:
+            self._noted.add(service.name)
+            print(
+                f"sumo-dist: {service.name} ended ({_cause(code)}), the run goes on",
+                file=sys.stderr,
+            )
+
+    def __enter__(self) -> "Launcher":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Ask all to end, last started first; kill what does not."""
+        running = [p for _, p in reversed(self._services.values()) if p.poll() is None]
+        for process in running:
+            process.terminate()
+        deadline = time.monotonic() + STOP_S
+        for process in running:
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _cause(code: int) -> str:
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def listening(endpoint: str) -> str:
+    """Replace port 0 of an endpoint by a free one."""
+    host, _, port = endpoint.rpartition(":")
+    if port != "0":
+        return endpoint
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"{host}:{probe.getsockname()[1]}"
+
+
+def dialled(endpoint: str) -> str:
+    """Return how this machine reaches a router that listens on an endpoint."""
+    return endpoint.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")

@@ -1,0 +1,221 @@
+"""Makes the plans: shift, sample, send knots to workers, gather costs, update, publish.
+
+It keeps no plan that the robot does not have: each plan starts from the state and the plan that
+the robot reports, so an optimizer that is restarted goes on where the last one ended.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from sumo_dist.episode.local import report
+from sumo_dist.errors import Interrupted
+from sumo_dist.planner.compensate import roll_forward
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
+from sumo_dist.planner.planner import Planner, PlanRequest
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.planner.report import PlanReport
+from sumo_dist.rollout import engine_identity
+from sumo_dist.rollout.interface import TICK, Engine
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.events import Tell, teller
+from sumo_dist.wire.gather import RemoteEvaluator
+from sumo_dist.wire.messages import PlanMessage, State, Status
+
+Wanted = Callable[[Status], bool]
+
+PERIOD = 0.05  # robot time between plans [s]
+SEND_MARGIN = 0.004  # wall time kept for the update and the plan's way to the robot [s]
+
+
+@dataclass(frozen=True)
+class OptimizerOptions:
+    """An optimizer.
+
+    Attributes:
+        connect: the router's endpoint.
+        robot: whose plans to make.
+        run: the run to plan for; others' messages are dropped.
+        task: its name.
+        planner: the planner's settings.
+        seed: of the sampling noise.
+        engine: kind of rollout engine that workers must have, see rollout.make_engine.
+        compensate: in realtime, plan from where the robot will be when the plan arrives.
+    """
+
+    connect: str
+    robot: str
+    run: str
+    task: str
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    seed: int = 0
+    engine: str = "auto"
+    compensate: bool = True
+
+
+def run(options: OptimizerOptions, stop: threading.Event) -> None:
+    """Serve until told to stop."""
+    task = load_task(options.task)
+    problem = Problem.build(task, planning_options(options.planner))
+    _, build = engine_identity(options.engine)
+    with (
+        problem.engine(1, options.engine) as engine,
+        Bus.dial(options.connect, options.robot, run=options.run) as bus,
+    ):
+        tell = teller(bus, options.run, "optimizer")
+        evaluator = RemoteEvaluator(bus, options.run, problem, options.planner, build, stop, tell)
+        feed, service = Feed(bus), Service(options, bus, problem, engine, evaluator, tell)
+        bus.announce("optimizer", "main", build)
+        while not stop.is_set():
+            snapshot = feed.wait(service.wants, timeout=0.1)
+            if snapshot is None:
+                continue
+            try:
+                service.handle(*snapshot)
+            except Interrupted:
+                return
+
+
+class Feed:
+    """Joins the robot's status with the state of the same tick; hands out each newest pair once."""
+
+    def __init__(self, bus: Bus) -> None:
+        """Subscribe."""
+        self._arrived = threading.Condition()
+        self._states: dict[int, State] = {}
+        self._status: Status | None = None
+        bus.subscribe(State, self._on_state)
+        bus.subscribe(Status, self._on_status)
+
+    def wait(self, wanted: Wanted, timeout: float) -> tuple[State, Status] | None:
+        """Return the newest pair if it is `wanted(status)`, waiting at most timeout [s] for it."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._pair(wanted) is not None, timeout)
+            pair = self._pair(wanted)
+            if pair is not None:
+                self._status = None
+            return pair
+
+    def _pair(self, wanted: Wanted) -> tuple[State, Status] | None:
+        status = self._status
+        if status is None or status.tick not in self._states or not wanted(status):
+            return None
+        return self._states[status.tick], status
+
+    def _on_state(self, state: State) -> None:
+        with self._arrived:
+            self._states[state.tick] = state
+            for tick in sorted(self._states)[:-8]:
+                del self._states[tick]
+            self._arrived.notify_all()
+
+    def _on_status(self, status: Status) -> None:
+        with self._arrived:
+            self._status = status
+            self._arrived.notify_all()
+
+
+class Service:
+    """One plan at a time, for both clocks."""
+
+    def __init__(
+        self,
+        options: OptimizerOptions,
+        bus: Bus,
+        problem: Problem,
+        engine: Engine,
+        evaluator: RemoteEvaluator,
+        tell: Tell,
+    ) -> None:
+        """Join the parts."""
+        self._tell = tell
+        self._options, self._bus, self._engine, self._evaluator = options, bus, engine, evaluator
+        self._actions = problem.task.actions
+        self._planner = Planner(options.planner, self._actions, options.seed)
+        self._last: PlanMessage | None = None
+        self._last_clock = ""
+        self._delay_s = 0.0  # smoothed wall time from a state to its plan
+
+    def wants(self, status: Status) -> bool:
+        """Whether a plan is to be made (or sent again) now."""
+        if status.clock != "realtime":
+            return status.wanted >= 0
+        return self._target(status) is not None
+
+    def handle(self, state: State, status: Status) -> None:
+        """Make and publish the plan that a status asks for, or repeat the one it has missed."""
+        if status.clock == "realtime":
+            self._plan_realtime(state, status)
+        elif (
+            self._last
+            and self._last_clock == status.clock
+            and (self._last.plan.number == status.wanted)
+        ):
+            self._bus.publish(self._last)
+        else:
+            self._plan_lockstep(state, status)
+
+    def _plan_lockstep(self, state: State, status: Status) -> None:
+        self._evaluator.reset_account(deadline=None)
+        request = PlanRequest(
+            status.wanted, state.tick, state.state, status.memory, status.followed
+        )
+        self._publish(self._make(request, time.perf_counter()), status.clock)
+
+    def _plan_realtime(self, state: State, status: Status) -> None:
+        began = time.perf_counter()
+        number = self._target(status)
+        assert number is not None, "handle() is called for what wants() accepted"
+        budget = PERIOD / status.speed - SEND_MARGIN
+        self._evaluator.reset_account(deadline=time.monotonic() + budget)
+        tick, start, memory = anchor_tick(number), state.state, status.memory
+        previous = self._following(status)
+        if previous is not None:
+            start, memory = roll_forward(
+                self._engine, self._actions, previous, state.tick, tick, start, memory
+            )
+        request = PlanRequest(number, tick, start, memory, previous)
+        made = self._make(request, began, status.speed)
+        self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
+        self._publish(made, status.clock)
+
+    def _following(self, status: Status) -> Plan | None:
+        """The plan the robot will follow from now on: the newest that was sent to it."""
+        sent = self._last.plan if self._last and self._last_clock == "realtime" else None
+        if sent is not None and (status.followed is None or sent.number > status.followed.number):
+            return sent
+        return status.followed
+
+    def _target(self, status: Status) -> int | None:
+        """Number of the plan to make from a realtime status, None if it is not time for one."""
+        ahead = round(self._delay_s * status.speed / TICK) if self._options.compensate else 0
+        tick = status.tick + ahead
+        number = plan_due(tick)
+        while number is None and self._options.compensate:
+            tick += 1
+            number = plan_due(tick)
+        last = -1
+        if self._last is not None and self._last_clock == "realtime":
+            last = self._last.plan.number
+        return number if number is not None and number > last else None
+
+    def _make(self, request: PlanRequest, began: float, speed: float = 0.0) -> PlanReport:
+        result = self._planner.plan(request, self._evaluator)
+        plan_ms = (time.perf_counter() - began) * 1e3
+        return report(
+            result,
+            plan_ms=plan_ms,
+            own_ms=plan_ms - self._evaluator.waited_s * 1e3,
+            reissued=self._evaluator.reissued,
+            workers=self._evaluator.workers,
+            age_ticks=round(plan_ms * 1e-3 * speed / TICK),
+        )
+
+    def _publish(self, made: PlanReport, clock: str) -> None:
+        self._last, self._last_clock = PlanMessage.of(self._options.run, made), clock
+        self._bus.publish(self._last)
+        if made.failed:
+            self._tell("warning", f"plan {made.plan.number}: no usable rollout")

@@ -1,0 +1,175 @@
+"""Rolls out and costs candidate plans for whoever asks. Keeps nothing that a plan depends on.
+
+A worker is started for no task: the first request names one, and it compiles that task itself.
+"""
+
+import logging
+import queue
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.errors import SumoError
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation, Evaluator
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.rollout import engine_identity
+from sumo_dist.rollout.interface import Engine
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.gather import misfit
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
+
+log = logging.getLogger("sumo_dist.worker")
+Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
+
+
+@dataclass(frozen=True)
+class WorkerOptions:
+    """A worker.
+
+    Attributes:
+        connect: the router's endpoint.
+        robot: whose plans to work for.
+        name: unique among the workers.
+        threads: rollout threads.
+        engine: kind of rollout engine, see rollout.make_engine.
+    """
+
+    connect: str
+    robot: str
+    name: str
+    threads: int = 1
+    engine: str = "auto"
+
+
+def run(options: WorkerOptions, stop: threading.Event) -> None:
+    """Serve until told to stop."""
+    _, build = engine_identity(options.engine)
+    with Bus.dial(options.connect, options.robot) as bus, Workshop(options) as workshop:
+        inbox = bus.inbox(RolloutRequest, address=options.name)
+        optimizers = bus.watch("optimizer")
+        bus.announce("worker", options.name, build)
+        while not stop.is_set():
+            for optimizer in optimizers.now:
+                if reason := misfit(optimizer, build):
+                    raise SumoError(f"this worker does not fit the optimizer: {reason}")
+            for request in newest_requests(inbox):
+                reply, traces = workshop.answer(request)
+                bus.publish(reply)
+                if reply.refusal:
+                    log.error("refused plan %d: %s", request.number, reply.refusal)
+                if traces is not None:
+                    bus.publish(traces)
+
+
+def newest_requests(inbox: "queue.SimpleQueue[RolloutRequest]") -> list[RolloutRequest]:
+    """Wait a little for requests; of all that came, keep those of the newest plan and iteration."""
+    try:
+        requests = [inbox.get(timeout=0.1)]
+    except queue.Empty:
+        return []
+    while not inbox.empty():
+        requests.append(inbox.get())
+    last = requests[-1].run
+    same_run = [r for r in requests if r.run == last]
+    newest = max((r.number, r.iteration) for r in same_run)
+    return [r for r in same_run if (r.number, r.iteration) == newest]
+
+
+class Workshop:
+    """The task that is worked on, and the newest answers, in case they are asked for again."""
+
+    def __init__(self, options: WorkerOptions) -> None:
+        """Start with no task."""
+        self._options = options
+        self._key: Key | None = None
+        self._problem: Problem | None = None
+        self._engine: Engine | None = None
+        self._evaluator: Evaluator | None = None
+        self._plan: tuple[str, int, int] | None = None
+        self._answers: dict[tuple[int, int], tuple[Evaluation, float]] = {}
+
+    def __enter__(self) -> "Workshop":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._leave()
+
+    def answer(self, request: RolloutRequest) -> tuple[RolloutReply, Traces | None]:
+        """Roll out a shard; what cannot be done is a reply that says why."""
+        try:
+            evaluation, compute_ms = self._evaluate(request)
+        except SumoError as error:
+            return self._reply(
+                request, np.empty((0, 0)), np.empty(0, bool), refusal=str(error)
+            ), None
+        valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
+        terms = np.where(valid[:, None], evaluation.terms, 0.0)
+        traces = Traces(
+            request.run,
+            self._options.name,
+            request.number,
+            request.iteration,
+            request.start,
+            np.nan_to_num(evaluation.traces),
+        )
+        return self._reply(request, terms, valid, compute_ms), traces
+
+    def _evaluate(self, request: RolloutRequest) -> tuple[Evaluation, float]:
+        evaluator = self._prepare(request)
+        plan = (request.run, request.number, request.iteration)
+        if plan != self._plan:
+            self._plan, self._answers = plan, {}
+        rows = (request.start, len(request.knots))
+        if rows not in self._answers:
+            began = time.perf_counter()
+            evaluation = evaluator(request.state, request.memory, request.knots)
+            self._answers[rows] = evaluation, (time.perf_counter() - began) * 1e3
+        return self._answers[rows]
+
+    def _prepare(self, request: RolloutRequest) -> Evaluator:
+        """Compile what the request is about, unless that is what the last one was about."""
+        key = (request.task, tuple(sorted(request.settings.items())))
+        if key != self._key or self._evaluator is None or self._problem is None:
+            self._leave()
+            config = PlannerConfig.from_settings(request.settings)
+            problem = Problem.build(load_task(request.task), planning_options(config))
+            self._engine = problem.engine(self._options.threads, self._options.engine)
+            self._evaluator = Evaluator(problem, self._engine, config)
+            self._key, self._problem = key, problem
+        if self._problem.hash != request.task_hash:
+            raise SumoError(
+                f"its {request.task} has hash {self._problem.hash}, the optimizer's has "
+                f"{request.task_hash}: the task's files differ between the hosts"
+            )
+        return self._evaluator
+
+    def _leave(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+        self._key = self._problem = self._engine = self._evaluator = self._plan = None
+        self._answers = {}
+
+    def _reply(
+        self,
+        request: RolloutRequest,
+        terms: np.ndarray,
+        valid: np.ndarray,
+        compute_ms: float = 0.0,
+        refusal: str = "",
+    ) -> RolloutReply:
+        return RolloutReply(
+            run=request.run,
+            worker=self._options.name,
+            number=request.number,
+            iteration=request.iteration,
+            shard=request.shard,
+            start=request.start,
+            terms=terms,
+            valid=valid,
+            compute_ms=compute_ms,
+            refusal=refusal,
+        )

@@ -1,0 +1,103 @@
+"""The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+import tyro
+
+from sumo_dist.errors import SumoError, unknown
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command.
+
+    Attributes:
+        summary: shown in the list of commands.
+        module: where it lives.
+        options: name of the dataclass of its options there.
+        entry: name of the function (options) -> exit code there.
+    """
+
+    summary: str
+    module: str
+    options: str = "Options"
+    entry: str = "main"
+
+    def run(self, name: str, args: Sequence[str]) -> int:
+        """Parse the arguments and run."""
+        module = import_module(self.module)
+        options = tyro.cli(
+            getattr(module, self.options),
+            prog=f"sumo-dist {name}",
+            args=args,
+            description=self.summary,
+        )
+        return getattr(module, self.entry)(options)
+
+
+COMMANDS = {
+    "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
+    "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
+    "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
+    "doctor": Command(
+        "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
+    ),
+    "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
+    "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
+    "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
+    "router": Command(
+        "Service: connects all others", "sumo_dist.commands.serve", "Router", "router"
+    ),
+    "robot-interface": Command(
+        "Service: owns the (simulated) robot", "sumo_dist.commands.serve", "Robot", "robot"
+    ),
+    "state-estimator": Command(
+        "Service: readings to states", "sumo_dist.commands.serve", "Estimator", "estimator"
+    ),
+    "optimizer": Command(
+        "Service: makes the plans", "sumo_dist.commands.serve", "Optimizer", "optimizer"
+    ),
+    "rollout-worker": Command(
+        "Service: rolls out candidate plans", "sumo_dist.commands.serve", "Worker", "worker"
+    ),
+    "tracer": Command(
+        "Service: shows and records the run in Rerun",
+        "sumo_dist.commands.serve",
+        "Tracer",
+        "tracer",
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; every expected failure is one line on stderr and an exit code.
+
+    Returns:
+        0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted.
+    """
+    args = list(sys.argv[1:] if argv is None else argv)
+    if not args or args[0] in ("-h", "--help"):
+        print(_overview())
+        return 0 if args else 2
+    name = " ".join(args[:2]) if args[0] == "bench" else args[0]
+    try:
+        if name not in COMMANDS:
+            raise unknown("command", name, COMMANDS)
+        return COMMANDS[name].run(name, args[len(name.split()) :])
+    except SumoError as error:
+        print(f"sumo-dist: {error}", file=sys.stderr)
+        return error.exit_code
+    except SystemExit as exit_:  # tyro has said what is wrong
+        return int(exit_.code or 0)
+    except KeyboardInterrupt:
+        return 130
+
+
+def _overview() -> str:
+    rows = (f"  {name:<18}{command.summary}" for name, command in COMMANDS.items())
+    return "\n".join(
+        ["usage: sumo-dist COMMAND [options]", "", *rows, "", "sumo-dist COMMAND --help says more."]
+    )

@@ -1,0 +1,40 @@
+"""`sumo-dist replay`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sumo_dist.errors import UsageError
+from sumo_dist.record.recording import Recording
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `replay`.
+
+    Attributes:
+        run: folder that a run was written to.
+        viewer: show it in Rerun: native or web.
+        render: write a film to this file instead, .mp4 or .gif.
+    """
+
+    run: Annotated[Path, tyro.conf.Positional]
+    viewer: str = "web"
+    render: Path | None = None
+
+
+def main(options: Options) -> int:
+    """Show or render."""
+    recording = Recording.load(options.run / "run.npz")
+    from sumo_dist.record import replay  # needs the view extra
+
+    if options.render is not None:
+        if options.render.suffix not in (".mp4", ".gif"):
+            raise UsageError(f"cannot render {options.render.name}; valid endings: .gif, .mp4")
+        replay.render(recording, options.render)
+        print(f"wrote {options.render}")
+    else:
+        replay.show(recording, options.viewer)
+    return 0

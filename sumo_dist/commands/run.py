@@ -1,0 +1,205 @@
+"""`sumo-dist run`: one task, in this process or by services over Zenoh."""
+
+import os
+import sys
+import time
+import uuid
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.progress import Progress
+from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.tasks import load_task
+
+VIEWERS = ("web", "native", "none")
+DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `run`.
+
+    Attributes:
+        task: what to do; `sumo-dist list` names all.
+        optimizer: cem, mppi or ps.
+        workers: rollout worker processes; 0 plans in this process, without Zenoh. By default one
+            for each core.
+        threads: rollout threads of each worker (of this process without workers).
+        seed: decides the start and all noise.
+        clock: lockstep (the robot waits for its plans) or realtime.
+        speed: of the realtime clock, robot time per wall time; auto fits it to the planner.
+        estimator: truth or lowpass.
+        time_limit: robot time [s]; the task's own by default.
+        viewer: web, native or none.
+        out: folder for summary.json, run.npz and run.rrd.
+        set: planner settings as key=value; `sumo-dist list` names all.
+        engine: auto, native, native-portable or fallback.
+        listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
+        wait: how long the robot waits for an answer before the run ends [s].
+    """
+
+    task: Annotated[str, tyro.conf.Positional]
+    optimizer: str = "cem"
+    workers: int | None = None
+    threads: int | None = None
+    seed: int = 0
+    clock: str = "lockstep"
+    speed: str = "auto"
+    estimator: str = "truth"
+    time_limit: float | None = None
+    viewer: str = "web"
+    out: Path | None = None
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    engine: str = "auto"
+    listen: str = DEFAULT_LISTEN
+    wait: float = 60.0
+
+    def episode(self) -> EpisodeConfig:
+        """Return what decides the run, checked."""
+        planner = replace(PlannerConfig().with_settings(self.set), optimizer=self.optimizer)
+        return EpisodeConfig(
+            self.task, self.seed, planner, self.clock, self.estimator, self.time_limit, self.engine
+        )
+
+    def folder(self) -> Path:
+        """Return where the run is written."""
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        return self.out or Path("runs", f"{stamp}-{self.task.replace('/', '_')}-{self.seed}")
+
+
+def main(options: Options) -> int:
+    """Run, print the one line, return the exit code."""
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    workers = cores if options.workers is None else options.workers
+    if not 0 <= workers <= 256:
+        raise UsageError(f"workers must be from 0 to 256, got {workers}")
+    threads = options.threads or (1 if workers else cores)
+    if not 1 <= threads <= 256:
+        raise UsageError(f"threads must be from 1 to 256, got {threads}")
+    if options.viewer not in VIEWERS:
+        raise unknown("viewer", options.viewer, VIEWERS)
+    episode, out = options.episode(), options.folder()
+    _prepare(episode)
+    _make_folder(out)
+    code = (
+        _single(episode, threads, out)
+        if workers == 0
+        else _distributed(options, episode, workers, threads, out)
+    )
+    print(f"{one_line(read_summary(out))}; in {out}")
+    return code
+
+
+def _prepare(episode: EpisodeConfig) -> None:
+    """Find out here, in one line, what every service would otherwise complain about."""
+    problem = Problem.build(load_task(episode.task), planning_options(episode.planner))
+    problem.engine(1, episode.engine).close()
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "summary.json").unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to {out}: {error.strerror}") from None
+
+
+def _speed(options: Options) -> float | None:
+    if options.speed == "auto":
+        return None
+    try:
+        speed = float(options.speed)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed <= 100:
+        raise UsageError(f"speed must be auto or a number in (0, 100], got {options.speed}")
+    return speed
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _has_view() -> bool:
+    """Whether the view extra is installed; if not, say what that means."""
+    if find_spec("rerun") is None:
+        _say("no .rrd is written: install the view extra, pip install 'sumo-dist[view]'")
+        return False
+    return True
+
+
+def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
+    from sumo_dist.episode.single import run_single
+
+    terms = [term.name for term in load_task(episode.task).cost]
+    recording, ending = run_single(episode, threads, Progress(terms, _say))
+    recording.save(out / "run.npz")
+    write_summary(summarise(recording, ending), out)
+    if _has_view():
+        from sumo_dist.record import replay
+
+        replay.to_rrd(recording, out / "run.rrd")
+    return ending.exit_code
+
+
+def _distributed(
+    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path
+) -> int:
+    from sumo_dist.commands import serve
+    from sumo_dist.services.launcher import Launcher, Service, dialled, listening
+
+    run = uuid.uuid4().hex[:12]
+    robot = load_task(episode.task).scene.robot.name
+    listen = listening(options.listen)
+    bus: dict[str, Any] = {"connect": dialled(listen), "robot": robot}
+    with Launcher() as launcher:
+        launcher.start(Service("router", "router", serve.Router(listen)))
+        launcher.start(
+            Service(
+                "state-estimator",
+                "state-estimator",
+                serve.Estimator(**bus, task=episode.task, estimator=episode.estimator),
+            )
+        )
+        launcher.start(
+            Service(
+                "optimizer",
+                "optimizer",
+                serve.Optimizer(
+                    **bus,
+                    run=run,
+                    task=episode.task,
+                    planner=episode.planner,
+                    seed=episode.seed,
+                    engine=episode.engine,
+                ),
+            )
+        )
+        for i in range(workers):
+            worker = serve.Worker(**bus, name=f"local-{i}", threads=threads, engine=episode.engine)
+            launcher.start(Service(worker.name, "rollout-worker", worker, vital=False))
+        launcher.start(
+            Service(
+                "robot-interface",
+                "robot-interface",
+                serve.Robot(
+                    **bus,
+                    run=run,
+                    episode=episode,
+                    out=out,
+                    speed=_speed(options),
+                    wait=options.wait,
+                ),
+            )
+        )
+        return launcher.wait_for("robot-interface")

@@ -1,0 +1,96 @@
+"""The services as commands: signals, logging and the launcher's death around each of them."""
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from sumo_dist.services import (
+    optimizer as optimizer_service,
+)
+from sumo_dist.services import (
+    robot_interface,
+    rollout_worker,
+    state_estimator,
+)
+from sumo_dist.services import (
+    router as router_service,
+)
+from sumo_dist.services.launcher import PARENT
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+Estimator = state_estimator.EstimatorOptions
+Optimizer = optimizer_service.OptimizerOptions
+Robot = robot_interface.RobotOptions
+Worker = rollout_worker.WorkerOptions
+
+
+@dataclass(frozen=True)
+class Router:
+    """Options of `router`.
+
+    Attributes:
+        listen: endpoint; loopback unless said otherwise, such as tcp/0.0.0.0:7447.
+        config: Zenoh configuration (JSON5) with TLS certificates and access rules.
+    """
+
+    listen: str = DEFAULT_ENDPOINT
+    config: Path | None = None
+
+
+def router(options: Router) -> int:
+    """Route until stopped."""
+    with service() as stop:
+        router_service.serve(options.listen, stop, options.config)
+    return 0
+
+
+def estimator(options: Estimator) -> int:
+    """Estimate until stopped."""
+    with service() as stop:
+        state_estimator.run(options, stop)
+    return 0
+
+
+def optimizer(options: Optimizer) -> int:
+    """Plan until stopped."""
+    with service() as stop:
+        optimizer_service.run(options, stop)
+    return 0
+
+
+def worker(options: Worker) -> int:
+    """Roll out until stopped."""
+    with service() as stop:
+        rollout_worker.run(options, stop)
+    return 0
+
+
+def robot(options: Robot) -> int:
+    """Run one episode."""
+    with service() as stop:
+        return robot_interface.run(options, stop)
+
+
+@contextmanager
+def service() -> Iterator[threading.Event]:
+    """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death."""
+    logging.basicConfig(format="%(name)s: %(message)s", level=logging.INFO)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    if parent := os.environ.get(PARENT):
+        watch = threading.Thread(target=_outlive_no, args=(int(parent), stop), daemon=True)
+        watch.start()
+    yield stop
+
+
+def _outlive_no(parent: int, stop: threading.Event) -> None:
+    """Stop when the launcher is gone, however it went."""
+    while os.getppid() == parent and not stop.wait(1.0):
+        pass
+    stop.set()

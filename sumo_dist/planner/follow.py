@@ -1,0 +1,39 @@
+"""What the robot does with the plans it gets, and when none comes."""
+
+import numpy as np
+
+from sumo_dist.planner.plan import Plan
+from sumo_dist.robots.robot import ActionSpace
+from sumo_dist.rollout.interface import TICK
+
+STAND_RAMP_S = 0.5  # from the last action of a plan that ran out to standing still
+
+
+class Follower:
+    """Follows the newest plan that is due; at its end, ramps to standing and waits for the next."""
+
+    def __init__(self, actions: ActionSpace) -> None:
+        """Start with no plan: stand."""
+        self._stand = actions.unit(actions.default)
+        self._next: Plan | None = None
+        self.plan: Plan | None = None
+
+    def offer(self, plan: Plan) -> None:
+        """Take a plan unless a newer one is here; it is followed from its anchor tick on."""
+        newest = max((p.number for p in (self.plan, self._next) if p is not None), default=-1)
+        if plan.number > newest:
+            self._next = plan
+
+    def action(self, tick: int) -> np.ndarray:
+        """Normalised action (n,) at a tick."""
+        if self._next is not None and (self.plan is None or self._next.tick <= tick):
+            self.plan, self._next = self._next, None
+        if self.plan is None:
+            return self._stand
+        over = (tick - self.plan.tick) * TICK - self.plan.horizon
+        share = float(np.clip(over / STAND_RAMP_S, 0.0, 1.0))
+        return (1.0 - share) * self.plan.at(np.array([tick]))[0] + share * self._stand
+
+    def exhausted(self, tick: int) -> bool:
+        """Whether the plan has run out."""
+        return self.plan is not None and (tick - self.plan.tick) * TICK > self.plan.horizon

@@ -1,0 +1,272 @@
+"""Rolling out candidates on workers across the bus: shards out, costs back, nobody waited for."""
+
+import queue
+import threading
+import time
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from sumo_dist.errors import Interrupted
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation
+from sumo_dist.planner.planner import PlanRequest
+from sumo_dist.planner.problem import Problem
+from sumo_dist.planner.sharding import split
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.events import Tell
+from sumo_dist.wire.keys import SCHEMA, Member
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest
+
+RESEND_S = 1.0  # a shard unanswered for this long goes to another worker
+MISSES_TO_BENCH = 2  # deadlines a worker may miss in a row before it is passed over
+SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
+
+
+def misfit(member: Member, build: str) -> str:
+    """Say why a service cannot work with this one; "" if it can."""
+    if member.schema != SCHEMA:
+        return f"its messages have version {member.schema}, here it is {SCHEMA}"
+    if member.build != build:
+        return (
+            f"its build is {member.build}, here it is {build}: install the same version on both "
+            "hosts; if only the instruction sets differ, give all of them --engine native-portable"
+        )
+    return ""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A worker joined or left."""
+
+    member: Member
+    alive: bool
+
+
+@dataclass
+class _Worker:
+    speed: float = 0.1  # rows per ms
+    misses: int = 0
+    refusal: str = ""
+
+
+@dataclass
+class _Shard:
+    number: int
+    worker: str
+    start: int
+    count: int
+    sent: float
+    done: bool = False
+
+
+@dataclass
+class _Job:
+    """One iteration's candidates and what is known of them."""
+
+    request: PlanRequest
+    iteration: int
+    knots: np.ndarray
+    terms: np.ndarray
+    valid: np.ndarray
+    answered: np.ndarray
+    shards: dict[int, _Shard] = field(default_factory=dict)
+
+    def open_rows(self) -> list[tuple[int, int]]:
+        """Runs of rows that are neither answered nor with a worker: (first row, rows)."""
+        free = ~self.answered
+        for shard in self.shards.values():
+            if not shard.done:
+                free[shard.start : shard.start + shard.count] = False
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
+        return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+class RemoteEvaluator:
+    """Evaluates candidates on whatever workers are alive. One plan at a time.
+
+    Without a deadline every candidate is sent again until somebody has answered it; with one, what
+    is late is left out. A worker that leaves gives up its shards at once.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        run: str,
+        problem: Problem,
+        config: PlannerConfig,
+        build: str,
+        stop: threading.Event,
+        tell: Tell,
+    ) -> None:
+        """Subscribe to replies and members; `tell(level, text)` hears of what users should know."""
+        self._bus, self._run, self._problem, self._build = bus, run, problem, build
+        self._settings = asdict(config)
+        self._stop, self._tell = stop, tell
+        self._inbox: queue.SimpleQueue[RolloutReply | Change] = queue.SimpleQueue()
+        self._workers: dict[str, _Worker] = {}
+        self._shards_sent = 0
+        self.deadline: float | None = None  # time.monotonic() at which evaluation must return
+        self.reissued = 0  # rows sent a second time, since the last reset_account()
+        self.waited_s = 0.0  # time spent waiting for workers, likewise
+        bus.subscribe(RolloutReply, self._inbox.put)
+        bus.watch("worker", lambda member, alive: self._inbox.put(Change(member, alive)))
+
+    @property
+    def workers(self) -> int:
+        """Number of workers that take shards."""
+        return len(self._usable())
+
+    def reset_account(self, deadline: float | None) -> None:
+        """Start the account of a new plan."""
+        self.deadline, self.reissued, self.waited_s = deadline, 0, 0.0
+
+    def __call__(self, request: PlanRequest, iteration: int, knots: np.ndarray) -> Evaluation:
+        """Evaluate knots (B, K, n); rows nobody answered in time come back unanswered."""
+        count, terms = len(knots), len(self._problem.task.cost)
+        job = _Job(
+            request,
+            iteration,
+            knots,
+            np.full((count, terms), np.nan),
+            np.zeros(count, bool),
+            np.zeros(count, bool),
+        )
+        while not job.answered.all():
+            if self._stop.is_set():
+                raise Interrupted("told to stop while waiting for rollouts")
+            self._assign(job)
+            item = self._next(job)
+            if isinstance(item, RolloutReply):
+                self._accept(job, item)
+            elif isinstance(item, Change):
+                self._member(job, item)
+            elif self._late():
+                break
+            else:
+                self._give_up_overdue(job)
+        self._close(job)
+        return Evaluation(job.terms, job.valid, job.answered, np.empty(0, np.float32))
+
+    def _usable(self) -> dict[str, float]:
+        willing = {name: w for name, w in self._workers.items() if not w.refusal}
+        steady = {name: w for name, w in willing.items() if w.misses < MISSES_TO_BENCH}
+        return {name: worker.speed for name, worker in (steady or willing).items()}
+
+    def _assign(self, job: _Job) -> None:
+        """Give every row that is with nobody to the workers, by speed."""
+        speeds = self._usable()
+        if not speeds:
+            return
+        for start, count in job.open_rows():
+            for worker, first, rows in split(start, count, speeds):
+                self._send(job, worker, first, rows)
+
+    def _send(self, job: _Job, worker: str, start: int, count: int) -> None:
+        self._shards_sent += 1
+        now = time.monotonic()
+        job.shards[self._shards_sent] = _Shard(self._shards_sent, worker, start, count, now)
+        budget = RESEND_S if self.deadline is None else max(0.0, self.deadline - now)
+        request = job.request
+        self._bus.publish(
+            RolloutRequest(
+                run=self._run,
+                worker=worker,
+                number=request.number,
+                iteration=job.iteration,
+                shard=self._shards_sent,
+                start=start,
+                task=self._problem.task.name,
+                task_hash=self._problem.hash,
+                build=self._build,
+                settings=self._settings,
+                state=request.state,
+                memory=request.memory,
+                knots=job.knots[start : start + count],
+                reply_budget_ms=budget * 1e3,
+            )
+        )
+
+    def _next(self, job: _Job) -> "RolloutReply | Change | None":
+        """Wait for the next message, at most until something has to be decided."""
+        due = min((s.sent + RESEND_S for s in job.shards.values() if not s.done), default=np.inf)
+        until = min(due, self.deadline if self.deadline is not None else np.inf)
+        began = time.monotonic()
+        try:
+            return self._inbox.get(timeout=float(np.clip(until - began, 0.0, 0.1)))
+        except queue.Empty:
+            return None
+        finally:
+            self.waited_s += time.monotonic() - began
+
+    def _accept(self, job: _Job, reply: RolloutReply) -> None:
+        """Enter a reply; anything that does not fit what was asked is refused, by name."""
+        worker = self._workers.setdefault(reply.worker, _Worker())
+        worker.misses = 0
+        if reply.refusal:
+            self._refused(job, reply)
+            return
+        shard = job.shards.get(reply.shard)
+        if shard is None or (reply.number, reply.iteration) != (job.request.number, job.iteration):
+            return  # late: its plan has gone out
+        rows = slice(shard.start, shard.start + shard.count)
+        if (reply.start, reply.worker) != (shard.start, shard.worker) or (
+            reply.terms.shape != job.terms[rows].shape or reply.valid.shape != (shard.count,)
+        ):
+            self._refused(job, reply, f"sent costs of shape {reply.terms.shape}")
+            return
+        shard.done = True
+        job.terms[rows] = np.where(reply.valid[:, None], reply.terms, np.nan)
+        job.valid[rows], job.answered[rows] = reply.valid, True
+        pace = shard.count / max(reply.compute_ms, 1e-3)
+        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
+
+    def _refused(self, job: _Job, reply: RolloutReply, reason: str | None = None) -> None:
+        worker = self._workers[reply.worker]
+        if not worker.refusal:
+            worker.refusal = reason or reply.refusal
+            self._tell("error", f"worker {reply.worker} is left out: {worker.refusal}")
+        self._take_back(job, reply.worker)
+
+    def _member(self, job: _Job, change: Change) -> None:
+        member = change.member
+        if change.alive:
+            self._workers[member.id] = _Worker(refusal=misfit(member, self._build))
+            if refusal := self._workers[member.id].refusal:
+                self._tell("error", f"worker {member.id} is left out: {refusal}")
+            else:
+                self._tell("info", f"worker {member.id} joined")
+        elif self._workers.pop(member.id, None) is not None:
+            self._tell("warning", f"worker {member.id} left")
+            self._take_back(job, member.id)
+
+    def _take_back(self, job: _Job, worker: str) -> None:
+        for shard in job.shards.values():
+            if shard.worker == worker and not shard.done:
+                self._abandon(shard)
+
+    def _abandon(self, shard: _Shard) -> None:
+        shard.done = True
+        self.reissued += shard.count
+
+    def _late(self) -> bool:
+        return self.deadline is not None and time.monotonic() >= self.deadline
+
+    def _give_up_overdue(self, job: _Job) -> None:
+        for shard in job.shards.values():
+            if not shard.done and time.monotonic() - shard.sent >= RESEND_S:
+                self._miss(shard)
+                self._abandon(shard)
+
+    def _close(self, job: _Job) -> None:
+        """Note who did not answer in time."""
+        for shard in job.shards.values():
+            if not shard.done:
+                self._miss(shard)
+
+    def _miss(self, shard: _Shard) -> None:
+        worker = self._workers.get(shard.worker)
+        if worker is not None:
+            worker.misses += 1
+            if worker.misses == MISSES_TO_BENCH:
+                self._tell("warning", f"worker {shard.worker} is benched until it answers")

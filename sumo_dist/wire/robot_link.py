@@ -1,0 +1,130 @@
+"""The robot's side of the bus: readings and status out, states and plans in."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from sumo_dist.episode.plant import Readings
+from sumo_dist.errors import Interrupted, SumoError
+from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.planner import PlanRequest
+from sumo_dist.planner.report import PlanReport
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import PlanMessage, Sensors, State, Status
+
+RESEND_S = 0.25  # a question without an answer is asked again this often
+NOTICE_S = 3.0  # after this long the user is told what is being waited for
+
+T = TypeVar("T")
+
+
+class Unanswered(SumoError):
+    """Nobody answered for as long as the user wants to wait."""
+
+
+class RobotLink:
+    """Asks for states and plans. What is asked again gets the same answer (lockstep)."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        run: str,
+        wait: float,
+        stop: threading.Event,
+        tell: Callable[[str, str], None],
+    ) -> None:
+        """Subscribe; questions wait at most `wait` seconds, `tell(level, text)` hears of it."""
+        self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
+        self._arrived = threading.Condition()
+        self._state: State | None = None
+        self._plans: dict[int, PlanReport] = {}
+        bus.subscribe(State, self._on_state)
+        bus.subscribe(PlanMessage, self._on_plan)
+
+    def ask_state(self, readings: Readings) -> np.ndarray:
+        """Return the estimated state (nq + nv,) of a tick (lockstep)."""
+
+        def answer() -> np.ndarray | None:
+            state = self._state
+            return state.state if state is not None and state.tick == readings.tick else None
+
+        return self._ask(lambda: self.send_readings(readings), answer, "a state")
+
+    def ask_plan(
+        self, readings: Readings, request: PlanRequest, clock: str = "lockstep"
+    ) -> PlanReport:
+        """Return the plan of a state. The readings go along, in case the optimizer missed them."""
+
+        def publish() -> None:
+            self.send_readings(readings)
+            self.send_status(
+                request.tick, request.memory, request.previous, clock, wanted=request.number
+            )
+
+        return self._ask(publish, lambda: self._plans.get(request.number), "a plan")
+
+    def send_readings(self, readings: Readings) -> None:
+        """Publish what the sensors saw."""
+        self._bus.publish(Sensors(self._run, **vars(readings)))
+
+    def send_status(
+        self,
+        tick: int,
+        memory: np.ndarray,
+        followed: Plan | None,
+        clock: str,
+        wanted: int = -1,
+        speed: float = 1.0,
+    ) -> None:
+        """Publish where the controller stands at a tick."""
+        self._bus.publish(Status(self._run, tick, memory, wanted, clock, speed, followed))
+
+    def newest_state(self, tick: int, patience: float) -> tuple[int, np.ndarray] | None:
+        """Return tick and value of the newest state, waiting up to patience [s] for a tick's."""
+
+        def current() -> bool:
+            return self._state is not None and self._state.tick >= tick
+
+        with self._arrived:
+            self._arrived.wait_for(current, patience)
+            return None if self._state is None else (self._state.tick, self._state.state)
+
+    def new_plans(self) -> list[PlanReport]:
+        """Return the plans that came since the last call, oldest first."""
+        with self._arrived:
+            plans = [self._plans[number] for number in sorted(self._plans)]
+            self._plans.clear()
+            return plans
+
+    def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
+        began, noticed = time.monotonic(), False
+        while True:
+            publish()
+            with self._arrived:
+                self._arrived.wait_for(lambda: answer() is not None, RESEND_S)
+                result = answer()
+                if result is not None:
+                    self._plans.clear()
+                    return result
+            waited = time.monotonic() - began
+            if self._stop.is_set():
+                raise Interrupted("told to stop")
+            if waited > self._wait:
+                raise Unanswered(f"no answer to the request for {what} in {self._wait:g} s")
+            if waited > NOTICE_S and not noticed:
+                noticed = True
+                self._tell("warning", f"waiting for {what}")
+
+    def _on_state(self, state: State) -> None:
+        with self._arrived:
+            if self._state is None or state.tick >= self._state.tick:
+                self._state = state
+                self._arrived.notify_all()
+
+    def _on_plan(self, message: PlanMessage) -> None:
+        with self._arrived:
+            self._plans[message.plan.number] = message.report
+            self._arrived.notify_all()
