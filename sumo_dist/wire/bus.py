@@ -107,6 +107,7 @@ class Bus:
         self.rejected: Counter[str] = Counter()
         self._session = session
         self._robot = robot
+        self._closed = False
         self._lock = threading.Lock()
         self._publishers: dict[tuple[type, str | None], zenoh.Publisher] = {}
         self._receivers: list[zenoh.Subscriber] = []
@@ -152,6 +153,8 @@ class Bus:
         """
 
         def receive(sample: zenoh.Sample) -> None:
+            if self._closed:  # Zenoh still hands over what it had queued
+                return
             try:
                 message = decode(kind, sample.payload.to_bytes())
             except WireError as error:
@@ -190,7 +193,10 @@ class Bus:
         return queue
 
     def announce(self, role: str, id: str, build: str = "-") -> Member:  # noqa: A002
-        """Be seen as a living member of a role until the bus is closed or the process dies."""
+        """Be seen as a living member of a role until the bus is closed or the process dies.
+
+        Subscribe first: who sees the member can then reach it.
+        """
         member = Member(role, id, SCHEMA, build)
         key = alive_key(self._robot, member)
         self._tokens.append(self._session.liveliness().declare_token(key))
@@ -218,13 +224,16 @@ class Bus:
         return members
 
     def close(self) -> None:
-        """Leave: stop receiving, withdraw what was announced, disconnect."""
-        with self._lock:
-            declared = [*self._receivers, *self._tokens, *self._publishers.values()]
-            for collection in (self._receivers, self._tokens, self._publishers):
-                collection.clear()
-        for entity in declared:
+        """Leave: stop receiving, withdraw what was announced, disconnect.
+
+        A thread that still publishes gets a SumoError. Publishers are left to the session: Zenoh
+        cannot undeclare one that another thread is using.
+        """
+        self._closed = True
+        for entity in (*self._receivers, *self._tokens):
             entity.undeclare()
+        self._receivers.clear()
+        self._tokens.clear()
         self._session.close()
 
     def __enter__(self) -> Self:

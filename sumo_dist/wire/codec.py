@@ -34,7 +34,7 @@ def decode(kind: type[M], payload: bytes) -> M:
     try:
         body = msgpack.unpackb(payload, max_bin_len=MAX_BYTES, **_LIMITS)
     except (ValueError, TypeError) as error:
-        raise WireError("malformed", f"{error!s:.200}") from None
+        raise WireError("malformed", f"{type(error).__name__} {error!s:.200}") from None
     if type(body) is not dict:
         raise WireError("malformed", f"needs a map, got {type(body).__name__}")
     if (version := body.pop("v", None)) != SCHEMA:

@@ -23,6 +23,10 @@ _COMMON = {
     "scouting/gossip/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/link/tx/lease": 1000,  # [ms] until a silent peer counts as gone
+    # room for a burst of requests on a busy machine: the default of 2 and 1 ms loses some of 8
+    "transport/link/tx/queue/size/real_time": 16,
+    "transport/link/tx/queue/size/background": 16,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5000,  # [us]
 }
 
 
