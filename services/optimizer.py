@@ -137,6 +137,7 @@ class Service:
         self._planner = Planner(options.planner, self._actions, options.seed)
         self._last: PlanMessage | None = None
         self._last_clock = ""
+        self._failing = False
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
 
     def wants(self, status: Status) -> bool:
@@ -217,5 +218,7 @@ class Service:
     def _publish(self, made: PlanReport, clock: str) -> None:
         self._last, self._last_clock = PlanMessage.of(self._options.run, made), clock
         self._bus.publish(self._last)
-        if made.failed:
-            self._tell("warning", f"plan {made.plan.number}: no usable rollout")
+        if made.failed != self._failing:
+            self._failing = made.failed
+            state = "no usable rollouts, the last plan goes on" if made.failed else "plans are back"
+            self._tell("warning", f"plan {made.plan.number}: {state}")

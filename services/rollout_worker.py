@@ -4,9 +4,10 @@ A worker is started for no task: the first request names one, and it compiles th
 """
 
 import logging
-import queue
+import os
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import misfit
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
 
+NICENESS = 5  # the robot and the optimizer of the same machine go first
 log = logging.getLogger("sumo_dist.worker")
 Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
 
@@ -48,35 +50,58 @@ class WorkerOptions:
 def run(options: WorkerOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
     _, build = engine_identity(options.engine)
+    os.nice(NICENESS)
+    inbox = Inbox()
     with Bus.dial(options.connect, options.robot) as bus, Workshop(options) as workshop:
-        inbox = bus.inbox(RolloutRequest, address=options.name)
+        bus.subscribe(RolloutRequest, inbox.put, address=options.name)
         optimizers = bus.watch("optimizer")
         bus.announce("worker", options.name, build)
         while not stop.is_set():
             for optimizer in optimizers.now:
                 if reason := misfit(optimizer, build):
                     raise SumoError(f"this worker does not fit the optimizer: {reason}")
-            for request in newest_requests(inbox):
-                reply, traces = workshop.answer(request)
-                bus.publish(reply)
-                if reply.refusal:
-                    log.error("refused plan %d: %s", request.number, reply.refusal)
-                if traces is not None:
-                    bus.publish(traces)
+            request = inbox.get(timeout=0.1)
+            if request is None:
+                continue
+            reply, traces = workshop.answer(request)
+            bus.publish(reply)
+            if reply.refusal:
+                log.error("refused plan %d: %s", request.number, reply.refusal)
+            if traces is not None:
+                bus.publish(traces)
 
 
-def newest_requests(inbox: "queue.SimpleQueue[RolloutRequest]") -> list[RolloutRequest]:
-    """Wait a little for requests; of all that came, keep those of the newest plan and iteration."""
-    try:
-        requests = [inbox.get(timeout=0.1)]
-    except queue.Empty:
-        return []
-    while not inbox.empty():
-        requests.append(inbox.get())
-    last = requests[-1].run
-    same_run = [r for r in requests if r.run == last]
-    newest = max((r.number, r.iteration) for r in same_run)
-    return [r for r in same_run if (r.number, r.iteration) == newest]
+class Inbox:
+    """Requests still worth answering: those of the newest plan, within their budget of time."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._arrived = threading.Condition()
+        self._waiting: deque[tuple[float, RolloutRequest]] = deque()
+
+    def put(self, request: RolloutRequest) -> None:
+        """Take a request; what was asked for an earlier plan or another run is forgotten."""
+        plan = (request.run, request.number, request.iteration)
+        with self._arrived:
+            newest = [w for _, w in self._waiting if (w.run, w.number, w.iteration) == plan]
+            if self._waiting and not newest:
+                last = self._waiting[-1][1]
+                if last.run == request.run and last.order > request.order:
+                    return
+                self._waiting.clear()
+            self._waiting.append((time.monotonic(), request))
+            self._arrived.notify()
+
+    def get(self, timeout: float) -> RolloutRequest | None:
+        """Return the next request, waiting up to timeout [s]."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: bool(self._waiting), timeout)
+            while self._waiting:
+                arrived, request = self._waiting.popleft()
+                late = (time.monotonic() - arrived) * 1e3 > request.reply_budget_ms
+                if request.reply_budget_ms == 0 or not late:
+                    return request
+            return None
 
 
 class Workshop:

@@ -19,7 +19,9 @@ from sumo_dist.wire.keys import SCHEMA, Member
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
 
 RESEND_S = 1.0  # a shard unanswered for this long goes to another worker
-MISSES_TO_BENCH = 2  # deadlines a worker may miss in a row before it is passed over
+CHUNK = 8  # rows a request when there is a deadline, so that a late worker is late with few
+MISSES_TO_BENCH = 2  # plans in a row without any answer before a worker is passed over
+PROBE_S = 1.0  # how often a benched worker is asked again
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
 
 
@@ -48,11 +50,11 @@ class _Worker:
     speed: float = 0.1  # rows per ms
     misses: int = 0
     refusal: str = ""
+    asked: float = 0.0  # time.monotonic() of the last request
 
 
 @dataclass
 class _Shard:
-    number: int
     worker: str
     start: int
     count: int
@@ -149,8 +151,10 @@ class RemoteEvaluator:
         return Evaluation(job.terms, job.valid, job.answered, np.empty(0, np.float32))
 
     def _usable(self) -> dict[str, float]:
+        """Speeds of the workers to ask: those that answer, and now and then one that did not."""
         willing = {name: w for name, w in self._workers.items() if not w.refusal}
-        steady = {name: w for name, w in willing.items() if w.misses < MISSES_TO_BENCH}
+        due = time.monotonic() - PROBE_S
+        steady = {n: w for n, w in willing.items() if w.misses < MISSES_TO_BENCH or w.asked < due}
         return {name: worker.speed for name, worker in (steady or willing).items()}
 
     def _assign(self, job: _Job) -> None:
@@ -160,13 +164,15 @@ class RemoteEvaluator:
             return
         for start, count in job.open_rows():
             for worker, first, rows in split(start, count, speeds):
-                self._send(job, worker, first, rows)
+                chunk = rows if self.deadline is None else CHUNK
+                for offset in range(0, rows, chunk):
+                    self._send(job, worker, first + offset, min(chunk, rows - offset))
 
     def _send(self, job: _Job, worker: str, start: int, count: int) -> None:
         self._shards_sent += 1
-        now = time.monotonic()
-        job.shards[self._shards_sent] = _Shard(self._shards_sent, worker, start, count, now)
-        budget = RESEND_S if self.deadline is None else max(0.0, self.deadline - now)
+        now = self._workers[worker].asked = time.monotonic()
+        job.shards[self._shards_sent] = _Shard(worker, start, count, now)
+        budget = 0.0 if self.deadline is None else max(1e-3, self.deadline - now)
         request = job.request
         self._bus.publish(
             RolloutRequest(
@@ -202,6 +208,8 @@ class RemoteEvaluator:
     def _accept(self, job: _Job, reply: RolloutReply) -> None:
         """Enter a reply; anything that does not fit what was asked is refused, by name."""
         worker = self._workers.setdefault(reply.worker, _Worker())
+        if worker.misses >= MISSES_TO_BENCH:
+            self._tell("info", f"worker {reply.worker} answers again")
         worker.misses = 0
         if reply.refusal:
             self._refused(job, reply)
@@ -255,18 +263,18 @@ class RemoteEvaluator:
     def _give_up_overdue(self, job: _Job) -> None:
         for shard in job.shards.values():
             if not shard.done and time.monotonic() - shard.sent >= RESEND_S:
-                self._miss(shard)
+                self._miss(shard.worker)
                 self._abandon(shard)
 
     def _close(self, job: _Job) -> None:
-        """Note who did not answer in time."""
-        for shard in job.shards.values():
-            if not shard.done:
-                self._miss(shard)
+        """Note who did not answer at all in time."""
+        answered = {shard.worker for shard in job.shards.values() if shard.done}
+        for name in {shard.worker for shard in job.shards.values()} - answered:
+            self._miss(name)
 
-    def _miss(self, shard: _Shard) -> None:
-        worker = self._workers.get(shard.worker)
+    def _miss(self, name: str) -> None:
+        worker = self._workers.get(name)
         if worker is not None:
             worker.misses += 1
             if worker.misses == MISSES_TO_BENCH:
-                self._tell("warning", f"worker {shard.worker} is benched until it answers")
+                self._tell("warning", f"worker {name} does not answer: it is passed over")
