@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -31,11 +31,19 @@ class Link(Protocol):
         """Publish what the sensors saw."""
 
     def send_status(
-        self, tick: int, memory: np.ndarray, followed: Plan | None, clock: str, speed: float = ...
+        self,
+        tick: int,
+        memory: np.ndarray,
+        followed: Plan | None,
+        clock: Literal["realtime"],
+        *,
+        speed: float,
     ) -> None:
         """Publish where the controller stands."""
 
-    def ask_plan(self, readings: Readings, request: PlanRequest, clock: str) -> PlanReport:
+    def ask_plan(
+        self, readings: Readings, request: PlanRequest, clock: Literal["calibrate"]
+    ) -> PlanReport:
         """Wait for the plan of a state."""
         ...
 
@@ -73,7 +81,7 @@ class RealtimeLoop:
         recording: Recording,
         speed: float,
         stop: threading.Event,
-        tell: Callable[[str, str], None],
+        tell: Callable[[Literal["warning", "error"], str], None],
     ) -> None:
         """Join the parts; `speed` is robot time per wall time."""
         self._plant, self._controller, self._task, self._referee = plant, controller, task, referee

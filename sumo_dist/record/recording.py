@@ -85,7 +85,9 @@ class Recording:
 
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
-        arrays = {name: np.array(rows) for name, rows in self.__dict__.items() if name != "config"}
+        arrays: dict[str, Any] = {
+            name: np.array(rows) for name, rows in vars(self).items() if name != "config"
+        }
         partial = path.with_suffix(".part.npz")
         np.savez_compressed(partial, format=FORMAT, config=json.dumps(self.config), **arrays)
         partial.replace(path)

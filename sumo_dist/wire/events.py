@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Callable
+from typing import Literal
 
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import Event
 
-Tell = Callable[[str, str], None]
-"""(level, text); level is "info", "warning" or "error"."""
+Level = Literal["info", "warning", "error"]
+Tell = Callable[[Level, str], None]
+"""(level, text)"""
 
 _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
@@ -16,8 +18,8 @@ def teller(bus: Bus, run: str, source: str) -> Tell:
     """Return the function by which a service speaks to its users during a run."""
     log = logging.getLogger(f"sumo_dist.{source}")
 
-    def tell(level: str, text: str) -> None:
+    def tell(level: Level, text: str) -> None:
         log.log(_LEVELS[level], text)
-        bus.publish(Event(run, source, level, text))  # pyright: ignore[reportArgumentType]
+        bus.publish(Event(run, source, level, text))
 
     return tell

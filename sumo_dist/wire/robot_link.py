@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.events import Tell
 from sumo_dist.wire.messages import PlanMessage, Sensors, State, Status
+
+Clock = Literal["lockstep", "realtime", "calibrate"]
 
 RESEND_S = 0.25  # a question without an answer is asked again this often
 NOTICE_S = 3.0  # after this long the user is told what is being waited for
@@ -34,7 +37,7 @@ class RobotLink:
         run: str,
         wait: float,
         stop: threading.Event,
-        tell: Callable[[str, str], None],
+        tell: Tell,
     ) -> None:
         """Subscribe; questions wait at most `wait` seconds, `tell(level, text)` hears of it."""
         self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
@@ -54,7 +57,7 @@ class RobotLink:
         return self._ask(lambda: self.send_readings(readings), answer, "a state")
 
     def ask_plan(
-        self, readings: Readings, request: PlanRequest, clock: str = "lockstep"
+        self, readings: Readings, request: PlanRequest, clock: Clock = "lockstep"
     ) -> PlanReport:
         """Return the plan of a state. The readings go along, in case the optimizer missed them."""
 
@@ -75,7 +78,7 @@ class RobotLink:
         tick: int,
         memory: np.ndarray,
         followed: Plan | None,
-        clock: str,
+        clock: Clock,
         wanted: int = -1,
         speed: float = 1.0,
     ) -> None:
