@@ -1,0 +1,63 @@
+import json
+
+import pytest
+
+from sumo_dist.bench.journal import Journal
+from sumo_dist.errors import UsageError
+
+SETTINGS = {"planner": {"rollouts": 32, "elites": 3}, "engine_build": "b1"}
+OF_TASK = {"spot/move_box": {"config_hash": "c1"}}
+ROW = {"task": "spot/move_box", "seed": 1, "success": True, "config_hash": "c1", **SETTINGS}
+
+
+def open_journal(path, notices=None):
+    return Journal(path, SETTINGS, OF_TASK, ([] if notices is None else notices).append)
+
+
+def test_what_was_appended_is_there_again(tmp_path):
+    open_journal(tmp_path / "a.jsonl").append(ROW)
+    assert open_journal(tmp_path / "a.jsonl").rows == {("spot/move_box", 1): ROW}
+
+
+def test_a_torn_last_line_is_dropped_with_a_notice(tmp_path):
+    path, notices = tmp_path / "a.jsonl", []
+    path.write_text(json.dumps(ROW) + "\n" + json.dumps({**ROW, "seed": 2})[:-1])
+    journal = open_journal(path, notices)
+    assert list(journal.rows) == [("spot/move_box", 1)]
+    assert len(notices) == 1
+    journal.append({**ROW, "seed": 2})
+    assert list(open_journal(path).rows) == [("spot/move_box", 1), ("spot/move_box", 2)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"planner": {"rollouts": 16, "elites": 3}}, "rollouts is 16 there and 32 here"),
+        ({"engine_build": "b2"}, "engine_build is b2 there and b1 here"),
+        ({"config_hash": "c2"}, "config_hash is c2 there and c1 here"),
+    ],
+)
+def test_a_file_of_other_settings_is_refused(tmp_path, change, said):
+    (tmp_path / "a.jsonl").write_text(json.dumps({**ROW, **change}) + "\n")
+    with pytest.raises(UsageError, match=said):
+        open_journal(tmp_path / "a.jsonl")
+
+
+def test_another_tasks_rows_may_stand_beside(tmp_path):
+    row = {**ROW, "task": "spot/move_cone", "config_hash": "c9"}
+    (tmp_path / "a.jsonl").write_text(json.dumps(row) + "\n")
+    assert list(open_journal(tmp_path / "a.jsonl").rows) == [("spot/move_cone", 1)]
+
+
+@pytest.mark.parametrize("content", [b"hello\n", b"[1]\n", b'{"task": 1}\n', b"\xff\xfe\n"])
+def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path, content):
+    path = tmp_path / "a.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(UsageError, match=r"a\.jsonl"):
+        open_journal(path)
+    assert path.read_bytes() == content
+
+
+def test_a_place_that_cannot_be_written_is_one_error(tmp_path):
+    with pytest.raises(UsageError, match="cannot use"):
+        open_journal(tmp_path / "missing" / "a.jsonl")
