@@ -5,11 +5,11 @@ from typing import Any
 
 from sumo_dist.episode.summary import versions
 from sumo_dist.errors import UsageError, unknown
+from sumo_dist.estimate import ESTIMATORS
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
 
 CLOCKS = ("lockstep", "realtime")
-ESTIMATORS = ("truth", "lowpass")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from sumo_dist.tasks.task import Task
 PLAN_PERIOD = 0.05  # robot time between plans [s]
 CALIBRATION_PLANS = 12
 STATE_PATIENCE = 0.3  # share of a tick that the policy waits for its own tick's state
-BLIND_TICKS = 10  # older than this, a state is no ground to stand on: the robot sits down
+BLIND_TICKS = 5  # older than this, a state is no ground to stand on: the robot sits down
 SIT_S = 0.7  # from the last joint targets to the sitting pose
 
 

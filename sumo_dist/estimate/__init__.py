@@ -10,9 +10,9 @@ from sumo_dist.errors import unknown
 from sumo_dist.estimate.lowpass import LowPassConfig, LowPassEstimator
 from sumo_dist.estimate.truth import TruthEstimator
 
-__all__ = ["LowPassConfig", "LowPassEstimator", "TruthEstimator", "make_estimator"]
+__all__ = ["ESTIMATORS", "LowPassConfig", "LowPassEstimator", "TruthEstimator", "make_estimator"]
 
-_ESTIMATORS: dict[str, Callable[[mujoco.MjModel], Callable[[Readings], np.ndarray]]] = {
+ESTIMATORS: dict[str, Callable[[mujoco.MjModel], Callable[[Readings], np.ndarray]]] = {
     "truth": TruthEstimator,
     "lowpass": LowPassEstimator,
 }
@@ -28,6 +28,6 @@ def make_estimator(mode: str, model: mujoco.MjModel) -> Callable[[Readings], np.
     Raises:
         UsageError: there is no such mode, or the scene has a joint that it cannot see.
     """
-    if mode not in _ESTIMATORS:
-        raise unknown("estimator", mode, _ESTIMATORS)
-    return _ESTIMATORS[mode](model)
+    if mode not in ESTIMATORS:
+        raise unknown("estimator", mode, ESTIMATORS)
+    return ESTIMATORS[mode](model)
