@@ -44,7 +44,7 @@ def make_engine(
         frames: sites and bodies whose poses are recorded.
         threads: that share the rows, including the caller's.
         kind: one of ENGINES. "auto" is "native" where that was compiled, else "fallback";
-            "native-portable" gives the same bits on every CPU.
+            the network of "native-portable" gives the same bits on every CPU.
 
     Raises:
         UsageError: an unknown kind or frame, a model that does not fit, or an engine that this

@@ -23,7 +23,11 @@ def kind(request):
 
 @pytest.fixture(scope="session")
 def frames():
-    return FrameRef("body", "box"), FrameRef("site", "site_body"), FrameRef("body", "front_right_lower_leg")
+    return (
+        FrameRef("body", "box"),
+        FrameRef("site", "site_body"),
+        FrameRef("body", "front_right_lower_leg"),
+    )
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,7 @@
 """The policy's native twin against numpy, and both against the engine that rolls it out."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,21 @@ def test_refuses_wrong_shapes(controller, model):
 def test_unknown_kind(policy, model):
     with pytest.raises(UsageError, match="unknown engine 'gpu'; valid: auto, fallback, native"):
         make_controller(policy, model, "gpu")
+
+
+@pytest.mark.parametrize("engine", ["native", "native-portable"])
+def test_one_row_is_cheap(policy, model, start, engine):
+    """A kernel whose accumulators spill is slower than numpy's 16 padded rows, not 10x faster."""
+    pytest.importorskip("sumo_dist.rollout._native", reason="not compiled here")
+    state, memory = start
+    inputs = (*np.split(state, [model.nq]), np.array(SPOT.default_command), memory)
+
+    def fastest(controller):
+        times = []
+        for _ in range(50):
+            began = time.perf_counter()
+            controller.step(*inputs)
+            times.append(time.perf_counter() - began)
+        return min(times)
+
+    assert fastest(make_controller(policy, model, engine)) < fastest(policy)

@@ -69,7 +69,11 @@ def test_frames_are_of_the_same_instant_as_the_state(engine, model, start, rando
         state = result.states[row, tick]
         data.qpos[:], data.qvel[:] = np.split(state, [model.nq])
         mujoco.mj_forward(model, data)
-        box, site, leg = data.body("box"), data.site("site_body"), data.body("front_right_lower_leg")
+        box, site, leg = (
+            data.body("box"),
+            data.site("site_body"),
+            data.body("front_right_lower_leg"),
+        )
         positions = [box.xpos, site.xpos, leg.xpos]
         rotations = np.reshape([box.xmat, site.xmat, leg.xmat], (3, 3, 3))
         np.testing.assert_array_equal(result.positions[row, tick], positions)

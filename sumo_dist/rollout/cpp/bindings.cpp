@@ -139,32 +139,40 @@ NB_MODULE(_native, m) {
       .def("step", &step, "qpos"_a, "qvel"_a, "command"_a, "memory"_a, "targets"_a);
   m.def("spot_relic", &spot_relic, "layers"_a, "joints_to_network"_a, "action_to_legs"_a,
         "joint_offsets"_a, "action_scale"_a, "portable"_a);
-  m.def("hold_targets", [](int targets) -> std::shared_ptr<sumo::Policy> {
-    return std::make_shared<sumo::HoldTargets>(targets);
-  }, "targets"_a);
+  m.def(
+      "hold_targets",
+      [](int targets) -> std::shared_ptr<sumo::Policy> {
+        return std::make_shared<sumo::HoldTargets>(targets);
+      },
+      "targets"_a);
 
   nb::class_<sumo::Simulation>(m, "Simulation")
-      .def("__init__",
-           [](sumo::Simulation* self, Address data, Address qpos, Address qvel, Address ctrl,
-              const std::vector<std::pair<Address, Address>>& frames,
-              const std::vector<Address>& warnings) {
-             new (self) sumo::Simulation(
-                 make_simulation(data, qpos, qvel, ctrl, frames, warnings));
-           },
-           "data"_a, "qpos"_a, "qvel"_a, "ctrl"_a, "frames"_a, "warnings"_a);
+      .def(
+          "__init__",
+          [](sumo::Simulation* self, Address data, Address qpos, Address qvel, Address ctrl,
+             const std::vector<std::pair<Address, Address>>& frames,
+             const std::vector<Address>& warnings) {
+            new (self) sumo::Simulation(make_simulation(data, qpos, qvel, ctrl, frames, warnings));
+          },
+          "data"_a, "qpos"_a, "qvel"_a, "ctrl"_a, "frames"_a, "warnings"_a);
 
   nb::class_<sumo::Physics>(m, "Physics")
-      .def("__init__",
-           [](sumo::Physics* self, Address model, Address step, Address set_state,
-              Address kinematics, int signature, int nq, int nv, int nu, int substeps) {
-             new (self) sumo::Physics{at<const void*>(model),
-                                      at<decltype(sumo::Physics::step)>(step),
-                                      at<decltype(sumo::Physics::set_state)>(set_state),
-                                      at<decltype(sumo::Physics::kinematics)>(kinematics),
-                                      signature, nq, nv, nu, substeps};
-           },
-           "model"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a,
-           "nu"_a, "substeps"_a);
+      .def(
+          "__init__",
+          [](sumo::Physics* self, Address model, Address step, Address set_state,
+             Address kinematics, int signature, int nq, int nv, int nu, int substeps) {
+            new (self) sumo::Physics{at<const void*>(model),
+                                     at<decltype(sumo::Physics::step)>(step),
+                                     at<decltype(sumo::Physics::set_state)>(set_state),
+                                     at<decltype(sumo::Physics::kinematics)>(kinematics),
+                                     signature,
+                                     nq,
+                                     nv,
+                                     nu,
+                                     substeps};
+          },
+          "model"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a, "nu"_a,
+          "substeps"_a);
 
   nb::class_<sumo::Engine>(m, "Engine")
       .def(nb::init<const sumo::Physics&, std::shared_ptr<const sumo::Policy>,

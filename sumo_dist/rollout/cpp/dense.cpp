@@ -16,8 +16,7 @@ constexpr int kMaxRows = 8 / kVectors;     // 8 accumulators hide the latency of
 constexpr int panels_of(int rows) { return kMaxRows / rows; }
 
 template <int Rows, int Panels>
-void tile(const DenseView& layer, int panel, const float* x, int x_stride, float* y,
-          int y_stride) {
+void tile(const DenseView& layer, int panel, const float* x, int x_stride, float* y, int y_stride) {
   const float* bias = layer.bias + panel * kPanel;
   const float* weights = layer.weights + static_cast<long>(panel) * layer.inputs * kPanel;
   const long panel_size = static_cast<long>(layer.inputs) * kPanel;
@@ -69,8 +68,7 @@ RowTile select_row_tile(int rows) {
   return row_tile<Rows>;
 }
 
-void dense(const DenseView& layer, int rows, const float* x, int x_stride, float* y,
-           int y_stride) {
+void dense(const DenseView& layer, int rows, const float* x, int x_stride, float* y, int y_stride) {
   const int panels = sumo::padded(layer.outputs) / kPanel;
   const int tiles = (rows + kMaxRows - 1) / kMaxRows;
   const int block = panels_of((rows + tiles - 1) / tiles);  // panels kept in L1 for all tiles

@@ -58,10 +58,6 @@ class Engine {
 
   void rollout(const Request& request);
 
-  const Policy& policy() const { return *policy_; }
-  const Physics& physics() const { return physics_; }
-  int frames() const { return frames_; }
-
  private:
   class Group;
 

@@ -11,6 +11,7 @@ const Kernel& portable_kernel() { return kPortableKernel; }
 
 const Kernel& best_kernel() {
 #ifdef SUMO_HAS_AVX2
+  __builtin_cpu_init();
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return kAvx2Kernel;
 #endif
   return kPortableKernel;

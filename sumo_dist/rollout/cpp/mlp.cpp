@@ -35,8 +35,7 @@ Mlp::Mlp(const Kernel& kernel, const std::vector<Dense>& layers) : kernel_(kerne
   for (const Dense& layer : layers) {
     if (!layers_.empty() && layers_.back().outputs != layer.inputs)
       throw std::invalid_argument("network layers do not fit together");
-    layers_.push_back(
-        {layer.inputs, layer.outputs, pack(layer), pad(layer), layer.activation});
+    layers_.push_back({layer.inputs, layer.outputs, pack(layer), pad(layer), layer.activation});
     width_ = std::max({width_, padded(layer.inputs), padded(layer.outputs)});
   }
 }
