@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Sourced by deploy/launch, deploy/check and .ci/run.
 #
 # ensure_environment EXTRA   finds or makes a Python environment, brings sumo-dist[EXTRA] in it up to
@@ -96,7 +97,7 @@ update_environment() {
   say "Installing sumo-dist[$extra] in $environment (the first time takes a minute or two)"
   "$python" -m pip --version >"$log" 2>&1 || "$python" -m ensurepip >>"$log" 2>&1 || fail pip
   "$python" -m pip install --no-input --disable-pip-version-check \
-    --editable "$root[$extra]" 2>&1 | tee "$log" | show_progress || fail "sumo-dist[$extra]"
+    --editable "${root}[$extra]" 2>&1 | tee "$log" | show_progress || fail "sumo-dist[$extra]"
   printf '%s %s\n' "$key" "$extra" >"$stamp"
   rm -f -- "$log"
   trap - EXIT INT TERM
