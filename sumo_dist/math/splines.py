@@ -28,6 +28,8 @@ def weights(order: Order, nodes: int, horizon: float, times: np.ndarray) -> np.n
     if order not in get_args(Order):
         raise unknown("spline", order, get_args(Order))
     position = np.clip(np.asarray(times, float) / horizon, 0.0, 1.0) * (nodes - 1)
+    nearest = np.rint(position)  # a time on a knot is on it, however it was rounded
+    position = np.where(np.abs(position - nearest) < 1e-9, nearest, position)
     left = np.minimum(position.astype(int), max(nodes - 2, 0))
     right = np.minimum(left + 1, nodes - 1)
     u = (position - left)[:, None]

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sumo_dist.errors import UsageError
+from sumo_dist.optim import OPTIMIZERS, Belief, make_optimizer, noise_ramp, sample
+
+RAMP = noise_ramp(0.02, 0.6, 4, 9)
+BELIEF = Belief(np.linspace(-1.2, 0.9, 36).reshape(4, 9), RAMP)
+
+
+def generator(seed):
+    return np.random.default_rng(seed)
+
+
+def test_noise_variance_rises_linearly_from_0_02_to_0_6():
+    """As printed in the paper for its four nodes."""
+    variances = [0.02, 0.02 + 0.58 / 3, 0.02 + 2 * 0.58 / 3, 0.6]
+    variance = noise_ramp(0.02, 0.6, 4, 9) ** 2  # (nodes, dimensions)
+    assert variance == pytest.approx(np.repeat(np.array(variances)[:, None], 9, axis=1))
+
+
+def test_noise_of_a_single_node_has_the_first_variance():
+    assert noise_ramp(0.02, 0.6, 1, 3) ** 2 == pytest.approx(np.full((1, 3), 0.02))
+
+
+def test_row_0_is_the_unperturbed_mean_within_limits():
+    knots = sample(BELIEF, 32, generator(0))
+    assert knots.shape == (32, 4, 9)
+    assert knots.dtype == np.float32
+    assert np.array_equal(knots[0], BELIEF.mean.clip(-1, 1).astype(np.float32))
+
+
+@given(st.integers(1, 64), st.integers(0, 2**32 - 1))
+def test_samples_stay_within_the_normalised_limits(rollouts, seed):
+    knots = sample(Belief(BELIEF.mean, 10 * RAMP), rollouts, generator(seed))
+    assert np.abs(knots).max() <= 1.0
+
+
+def test_sampled_noise_has_the_ramps_spread():
+    mean = np.zeros((4, 9))
+    knots = sample(Belief(mean, RAMP * 0.1), 20_000, generator(1))  # small: nothing is clipped
+    assert knots[1:].std(axis=0) == pytest.approx(RAMP * 0.1, rel=0.03)
+    assert knots[1:].mean(axis=0) == pytest.approx(mean, abs=0.002)
+
+
+def test_samples_are_decided_by_the_generator():
+    assert np.array_equal(sample(BELIEF, 8, generator(3)), sample(BELIEF, 8, generator(3)))
+    assert not np.array_equal(sample(BELIEF, 8, generator(3)), sample(BELIEF, 8, generator(4)))
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_every_optimizer_keeps_its_belief_when_all_candidates_failed(name):
+    optimizer = make_optimizer(name, elites=3, temperature=0.1)
+    knots = sample(BELIEF, 8, generator(0))
+    assert optimizer.update(BELIEF, knots, np.full(8, np.inf)) is BELIEF
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+@given(costs=st.lists(st.floats(0, 1e6) | st.just(np.inf), min_size=8, max_size=8))
+def test_every_optimizer_stays_among_its_finite_candidates(name, costs):
+    optimizer = make_optimizer(name, elites=3, temperature=0.1)
+    knots, costs = sample(BELIEF, 8, generator(0)), np.array(costs)
+    belief = optimizer.update(BELIEF, knots, costs)
+    assert np.isfinite(belief.mean).all()
+    assert np.isfinite(belief.sigma).all()
+    if np.isfinite(costs).any():
+        alive = knots[np.isfinite(costs)]
+        assert (belief.mean >= alive.min(axis=0) - 1e-6).all()
+        assert (belief.mean <= alive.max(axis=0) + 1e-6).all()
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_every_optimizer_finds_the_minimum_of_a_bowl(name):
+    optimizer = make_optimizer(name, elites=3, temperature=0.1)
+    mean, sigma, rng = np.zeros((2, 3)), np.full((2, 3), 0.1), generator(0)
+
+    def cost(knots):
+        return ((knots - 0.4) ** 2).sum(axis=(-1, -2))
+
+    for _ in range(60):
+        knots = sample(Belief(mean, sigma), 32, rng)
+        mean = optimizer.update(Belief(mean, sigma), knots, cost(knots)).mean
+    assert cost(mean) < 0.05 * cost(np.zeros((2, 3)))
+
+
+def test_unknown_optimizer_names_the_valid_ones():
+    with pytest.raises(UsageError, match="unknown optimizer 'sgd'; valid: cem, mppi, ps"):
+        make_optimizer("sgd", elites=3, temperature=0.1)
