@@ -1,0 +1,32 @@
+"""The text beside the picture: what is planned, with what, and what each colour means."""
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.tasks.task import Task
+
+
+def scene(task: Task, episode: EpisodeConfig) -> str:
+    """Explain the 3D view, as Markdown."""
+    planner, chosen = episode.planner, highlighted(episode)
+    best = "best future" if chosen == 1 else f"{chosen} best futures"
+    return f"""\
+### {task.name}
+20 times a second {task.scene.robot.name.capitalize()} imagines **{planner.rollouts} futures** of
+{planner.horizon:g} s, scores them, and follows the best it found
+({planner.optimizer.upper()}, seed {episode.seed}, {episode.clock} clock).
+- **thin lines**: where {" and ".join(task.trails)} go in each future, from cheap (yellow) over
+  green and blue to expensive (violet)
+- **white lines**: the {best}
+- **green target**: where the object should come to rest
+- **blue, orange line on the floor**: the way of robot and object so far
+"""
+
+
+def cost(task: Task) -> str:
+    """Return the task's cost table, as Markdown."""
+    rows = "\n".join(f"| {t.name} | {t.weight:g} | {t.reduction} |" for t in task.cost)
+    return f"| term | weight | over time |\n|---|---|---|\n{rows}\n"
+
+
+def highlighted(episode: EpisodeConfig) -> int:
+    """Number of best candidates that are drawn apart from the others."""
+    return 1 if episode.planner.optimizer == "ps" else episode.planner.elites

@@ -1,0 +1,78 @@
+"""The layout of the viewer: the scene, plots beside it, what it means and what happened below."""
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from sumo_dist.view.outputs import TIMELINE
+
+_AZIMUTH, _ELEVATION = np.deg2rad(-55.0), np.deg2rad(28.0)  # the eye, seen from its target
+_BACKGROUND = (18, 20, 25)
+
+
+def layout(points: np.ndarray, live: bool, distributed: bool) -> rrb.Blueprint:
+    """Arrange the views.
+
+    Args:
+        points: (N, 3) what the eye should take in at the start, world [m].
+        live: follow the newest data; otherwise play from the start.
+        distributed: there are rollout workers to watch.
+    """
+    plots = [
+        _plot("task", "Object to goal [m]"),
+        _plot("cost", "Cost of the candidate plans"),
+        _plot("terms", "Cost terms of the current plan"),
+        _plot("timing", "Planning time and plan age [ms]"),
+    ]
+    if distributed:
+        plots.append(_plot("workers", "Rollout workers"))
+    scene = rrb.TextDocumentView(origin="about/scene", name="What you see")
+    cost = rrb.TextDocumentView(origin="about/cost", name="What a plan costs")
+    columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
+    events = rrb.TextLogView(origin="events", name="Events", columns=columns)
+    left = rrb.Vertical(
+        _scene(points),
+        rrb.Horizontal(scene, cost, events, column_shares=[5, 3, 4]),
+        row_shares=[5, 2],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 2]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed", timeline=TIMELINE, play_state="following" if live else "playing"
+        ),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _scene(points: np.ndarray) -> rrb.Spatial3DView:
+    eye, target = frame(points)
+    return rrb.Spatial3DView(
+        origin="world",
+        name="Robot, object and candidate plans",
+        background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=_BACKGROUND),
+        line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=1.0, color=(255, 255, 255, 30)),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)
+        ),
+    )
+
+
+def frame(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return an eye (3,) and its target (3,) that show all points (N, 3), world [m]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    target = (low + high) / 2
+    distance = 1.5 + 0.7 * float(np.linalg.norm(high - low))
+    direction = [
+        np.cos(_ELEVATION) * np.cos(_AZIMUTH),
+        np.cos(_ELEVATION) * np.sin(_AZIMUTH),
+        np.sin(_ELEVATION),
+    ]
+    return target + distance * np.array(direction), target
+
+
+def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=f"plots/{origin}", name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop)
+    )

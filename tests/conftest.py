@@ -1,0 +1,61 @@
+"""What tests of several packages share: reading a Rerun file back, and a short real run."""
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow
+import pytest
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.single import run_single
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.record.recording import Recording
+
+Table = dict[str, list[Any]]  # column -> rows
+
+
+class Rrd(NamedTuple):
+    """An .rrd read back: entity -> table.
+
+    Attributes:
+        static: what holds for all time.
+        timed: the rest, its rows in order of time.
+    """
+
+    static: dict[str, Table]
+    timed: dict[str, Table]
+
+
+@pytest.fixture(scope="session")
+def read_rrd() -> Callable[[Path], Rrd]:
+    """Return a function that reads an .rrd."""
+    from rerun.chunk import RrdReader
+
+    def read(path: Path) -> Rrd:
+        parts: dict[bool, dict[str, list[pyarrow.Table]]] = {True: {}, False: {}}
+        with warnings.catch_warnings():  # files that grow have no index at their end
+            warnings.filterwarnings("ignore", "RRD file has no footer")
+            reader = RrdReader(path)
+        for chunk in reader.stream():
+            table = pyarrow.Table.from_batches([chunk.to_record_batch()])
+            parts[chunk.is_static].setdefault(chunk.entity_path, []).append(table)
+        order = [("sim_time", "ascending"), ("rerun.controls.RowId", "ascending")]
+        static = {e: pyarrow.concat_tables(tables) for e, tables in parts[True].items()}
+        timed = {e: pyarrow.concat_tables(t).sort_by(order) for e, t in parts[False].items()}
+        return Rrd(
+            {entity: table.to_pydict() for entity, table in static.items()},
+            {entity: table.to_pydict() for entity, table in timed.items()},
+        )
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def short_run() -> Recording:
+    """Half a second of spot/move_box, planned in this process with few and short rollouts."""
+    planner = PlannerConfig(rollouts=6, horizon=0.2)
+    config = EpisodeConfig("spot/move_box", seed=3, planner=planner, time_limit=0.5)
+    recording, _ = run_single(config, threads=1)
+    return recording

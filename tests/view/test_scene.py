@@ -1,0 +1,111 @@
+import mujoco
+import numpy as np
+import pytest
+
+from sumo_dist.view.outputs import Outputs
+from sumo_dist.view.rrd_file import RrdFile
+from sumo_dist.view.scene import SceneLog
+
+XML = """
+<mujoco>
+  <asset>
+    <material name="paint" rgba="0.2 0.4 0.6 1"/>
+    <mesh name="tetra" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/>
+  </asset>
+  <worldbody>
+    <geom name="ground" type="plane" size="3 2 0.1"/>
+    <body name="chain/first" pos="0 0 1">
+      <freejoint/>
+      <geom name="ball" type="sphere" size="0.1" rgba="1 0 0 0.5"/>
+      <geom name="hidden" type="box" size="1 1 1" group="3"/>
+      <geom name="rod" type="capsule" size="0.02 0.3" pos="0.5 0 0" euler="90 0 0"
+        material="paint"/>
+      <body name="second" pos="0.3 0 0">
+        <joint type="hinge" axis="0 0 1"/>
+        <geom name="egg" type="ellipsoid" size="0.1 0.2 0.3" group="2"/>
+        <geom name="can" type="cylinder" size="0.1 0.2"/>
+        <geom name="crate" type="box" size="0.1 0.2 0.3"/>
+        <geom name="solid" type="mesh" mesh="tetra"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def model():
+    return mujoco.MjModel.from_xml_string(XML)
+
+
+@pytest.fixture
+def logged(model, tmp_path, read_rrd):
+    """Seven ticks of tumbling in chunks of three: the entities, and the poses MuJoCo computed."""
+    data = mujoco.MjData(model)
+    data.qvel[:] = [1.0, 0.5, 0.0, 1.0, 2.0, 3.0, 4.0]
+    poses = []
+    with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
+        scene = SceneLog(out, model, chunk_ticks=3)
+        for tick in range(7):
+            mujoco.mj_step(model, data, nstep=10)
+            mujoco.mj_kinematics(model, data)
+            scene.add(tick, data)
+            poses.append({name: data.body(name).xpos.copy() for name in ("chain/first", "second")})
+            quats = {name: data.body(name).xquat.copy() for name in ("chain/first", "second")}
+        scene.flush()
+    return read_rrd(tmp_path / "run.rrd"), poses, quats
+
+
+def test_poses_are_those_of_mujoco_at_every_tick(logged):
+    rrd, poses, quats = logged
+    sent = rrd.timed["/world/poses"]
+    assert len(sent["sim_time"]) == 7 * 2
+    rows = {}
+    for row, time in enumerate(sent["sim_time"]):
+        tick = round(time.total_seconds() / 0.02)
+        rows[tick, sent["Transform3D:child_frame"][row][0]] = row
+    for tick, bodies in enumerate(poses):
+        for name, pos in bodies.items():
+            translation = sent["Transform3D:translation"][rows[tick, name]][0]
+            assert np.allclose(translation, pos, atol=1e-6)
+    for name, quat in quats.items():
+        assert np.allclose(
+            sent["Transform3D:quaternion"][rows[6, name]][0], np.roll(quat, -1), atol=1e-6
+        )
+
+
+def test_only_what_is_seen_is_drawn_and_in_its_bodys_frame(logged):
+    entities = logged[0].static
+    drawn = {e.split("/")[-1] for e in entities if e.startswith(("/world/bodies", "/world/fixed"))}
+    assert drawn == {"ground", "ball", "rod", "egg", "can", "crate", "solid"}
+    assert entities["/world/bodies/second/can"]["CoordinateFrame:frame"] == [["second"]]
+    assert entities[r"/world/bodies/chain\/first/ball"]["CoordinateFrame:frame"] == [
+        ["chain/first"]
+    ]
+    assert "CoordinateFrame:frame" not in entities["/world/fixed/ground"]
+
+
+def test_shapes_have_mujocos_sizes(logged):
+    entities = logged[0].static
+    second = {n: entities[f"/world/bodies/second/{n}"] for n in ("egg", "can", "crate", "solid")}
+    assert np.allclose(second["egg"]["Ellipsoids3D:half_sizes"][0], [[0.1, 0.2, 0.3]])
+    assert np.allclose(second["can"]["Cylinders3D:lengths"][0], [0.4])
+    assert np.allclose(second["can"]["Cylinders3D:radii"][0], [0.1])
+    assert np.allclose(second["crate"]["Boxes3D:half_sizes"][0], [[0.1, 0.2, 0.3]])
+    assert len(second["solid"]["Mesh3D:triangle_indices"][0]) == 4
+    assert len(second["solid"]["Mesh3D:vertex_normals"][0]) == 12
+
+
+def test_a_capsule_starts_half_its_length_before_the_geoms_centre(logged):
+    rod = logged[0].static[r"/world/bodies/chain\/first/rod"]
+    assert np.allclose(rod["Capsules3D:lengths"][0], [0.6])
+    # euler 90 about x turns the geom's z into the body's -y.
+    assert np.allclose(rod["InstancePoses3D:translations"][0], [[0.5, 0.3, 0.0]], atol=1e-6)
+
+
+def test_a_geoms_own_colour_comes_before_its_materials(logged):
+    entities = logged[0].static
+    ball = entities[r"/world/bodies/chain\/first/ball"]["Ellipsoids3D:colors"][0][0]
+    rod = entities[r"/world/bodies/chain\/first/rod"]["Capsules3D:colors"][0][0]
+    assert ball == 0xFF000080
+    assert rod == 0x336699FF
