@@ -1,5 +1,6 @@
 """The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,6 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted.
     """
+    # Before numpy is imported: rollouts have their own threads, BLAS's would spin beside them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     args = list(sys.argv[1:] if argv is None else argv)
     if not args or args[0] in ("-h", "--help"):
         print(_overview())

@@ -50,11 +50,6 @@ class Problem:
         """Start a rollout engine that records the task's frames."""
         return make_engine(self.model, self.policy, self.layout.refs, threads, kind)
 
-    @property
-    def state_size(self) -> int:
-        """nq + nv."""
-        return self.model.nq + self.model.nv
-
 
 def planning_options(config: PlannerConfig) -> ModelOptions:
     """Return the planning model's departures from the plant."""

@@ -79,16 +79,6 @@ class RolloutEngine(ABC):
         self._roll_out(self._reset_state(state), memory, commands, out)
         return out
 
-    def frame_poses(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions (F, 3) [m] and rotations (F, 3, 3) of the frames at one state."""
-        state = _checked("state", state, (self._model.nq + self._model.nv,), np.float64)
-        self._data.qpos[:] = state[: self._model.nq]
-        mujoco.mj_kinematics(self._model, self._data)
-        poses = [frame_arrays(self._data, kind, index) for kind, index in self._frame_ids]
-        positions = np.array([position for position, _ in poses]).reshape(-1, 3)
-        rotations = np.array([rotation for _, rotation in poses]).reshape(-1, 3, 3)
-        return positions, rotations
-
     @abstractmethod
     def close(self) -> None:
         """Stop the engine's threads and free its simulations; harmless when repeated."""

@@ -73,10 +73,6 @@ class Engine(Protocol):
         """
         ...
 
-    def frame_poses(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions (F, 3) and rotations (F, 3, 3) of the frames at one state."""
-        ...
-
     def close(self) -> None:
         """Stop the engine's threads and free its simulations."""
         ...
