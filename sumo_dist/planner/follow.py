@@ -1,5 +1,7 @@
 """What the robot does with the plans it gets, and when none comes."""
 
+from collections import deque
+
 import numpy as np
 
 from sumo_dist.planner.plan import Plan
@@ -15,19 +17,19 @@ class Follower:
     def __init__(self, actions: ActionSpace) -> None:
         """Start with no plan: stand."""
         self._stand = actions.unit(actions.default)
-        self._next: Plan | None = None
+        self._ahead: deque[Plan] = deque()  # plans that are not due yet, oldest first
         self.plan: Plan | None = None
 
     def offer(self, plan: Plan) -> None:
         """Take a plan unless a newer one is here; it is followed from its anchor tick on."""
-        newest = max((p.number for p in (self.plan, self._next) if p is not None), default=-1)
-        if plan.number > newest:
-            self._next = plan
+        newest = self._ahead[-1] if self._ahead else self.plan
+        if newest is None or plan.number > newest.number:
+            self._ahead.append(plan)
 
     def action(self, tick: int) -> np.ndarray:
         """Normalised action (n,) at a tick."""
-        if self._next is not None and (self.plan is None or self._next.tick <= tick):
-            self.plan, self._next = self._next, None
+        while self._ahead and (self.plan is None or self._ahead[0].tick <= tick):
+            self.plan = self._ahead.popleft()
         if self.plan is None:
             return self._stand
         over = (tick - self.plan.tick) * TICK - self.plan.horizon
