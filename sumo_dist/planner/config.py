@@ -11,6 +11,9 @@ from sumo_dist.math.splines import Order
 from sumo_dist.optim import OPTIMIZERS
 from sumo_dist.rollout.interface import TICK
 
+# far beyond any use: a slip of the pen must not fill the memory
+_MOST = {"rollouts": 4096, "nodes": 100, "iterations": 100, "elites": 4096}
+
 
 @dataclass(frozen=True)
 class PlannerConfig:
@@ -49,16 +52,18 @@ class PlannerConfig:
             raise unknown("optimizer", self.optimizer, OPTIMIZERS)
         if self.spline not in get_args(Order):
             raise unknown("spline", self.spline, get_args(Order))
-        for name, low in (("rollouts", 1), ("nodes", 1), ("iterations", 1), ("elites", 1)):
-            if getattr(self, name) < low:
-                raise UsageError(f"{name} must be at least {low}, got {getattr(self, name)}")
+        for name, most in _MOST.items():
+            if not 1 <= getattr(self, name) <= most:
+                raise UsageError(f"{name} must be from 1 to {most}, got {getattr(self, name)}")
         if not 0 < self.horizon <= 20 or abs(self.horizon / TICK - self.steps) > 1e-6:
             raise UsageError(
                 f"horizon must be a multiple of {TICK} s up to 20 s, got {self.horizon}"
             )
         substeps = TICK / self.timestep if self.timestep > 0 else 0.0
-        if substeps < 1 or abs(substeps - round(substeps)) > 1e-6:
-            raise UsageError(f"timestep must divide {TICK} s, got {self.timestep}")
+        if not 1 <= substeps <= 100 or abs(substeps - round(substeps)) > 1e-6:
+            raise UsageError(
+                f"timestep must divide {TICK} s and be at least {TICK / 100} s, got {self.timestep}"
+            )
         for name in ("variance_first", "variance_last", "temperature"):
             if not 0 < getattr(self, name) < 100:
                 raise UsageError(

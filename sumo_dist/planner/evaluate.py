@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sumo_dist.costs import terms
+from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
@@ -34,8 +35,9 @@ class Evaluation:
     def costs(self) -> np.ndarray:
         """(B,) total cost; +inf where a candidate is lost, invalid or its cost is not finite."""
         total = self.terms[:, 0].copy()
-        for i in range(1, self.terms.shape[1]):
-            total += self.terms[:, i]
+        with np.errstate(invalid="ignore", over="ignore"):
+            for i in range(1, self.terms.shape[1]):
+                total += self.terms[:, i]
         return np.where(self.valid & np.isfinite(total), total, np.inf)
 
 
@@ -51,9 +53,15 @@ class Evaluator:
         self._thin = np.linspace(0, config.steps - 1, TRACE_POINTS).round().astype(int)
         names = problem.layout.names
         self._trails = [names.index(name) for name in problem.task.trails]
+        self._knots_shape = config.nodes, problem.task.actions.size
 
     def __call__(self, state: np.ndarray, memory: np.ndarray, knots: np.ndarray) -> Evaluation:
         """Evaluate knots (B, K, n) from a state (nq + nv,) and policy memory (nm,)."""
+        if knots.ndim != 3 or knots.shape[1:] != self._knots_shape:
+            nodes, size = self._knots_shape
+            raise UsageError(
+                f"knots have shape {knots.shape}; they need (rollouts, {nodes}, {size})"
+            )
         actions = self._problem.task.actions
         physical = actions.physical(splines.evaluate(self._weights, knots))  # (B, T, nu)
         rollouts = self._engine.rollout(state, memory, actions.to_command(physical))

@@ -69,9 +69,10 @@ class Planner:
         """Run the iterations of one plan."""
         belief = Belief(self.shifted(request), self._sigma)  # (K, n)
         belief, evaluation = self._improve(belief, request, 0, evaluate)
+        failed = not np.isfinite(evaluation.costs).any()
         for iteration in range(1, self.config.iterations):
             belief, evaluation = self._improve(belief, request, iteration, evaluate)
-        failed = not np.isfinite(evaluation.costs).any()
+            failed &= not np.isfinite(evaluation.costs).any()
         return PlanResult(self._anchored(request, belief.mean), evaluation, failed)
 
     def _improve(
