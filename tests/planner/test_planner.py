@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from sumo_dist.optim import OPTIMIZERS
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation
+from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.planner import Planner, PlanRequest
+from sumo_dist.robots.spot import spot_actions
+
+ACTIONS = spot_actions()
+N = ACTIONS.size
+
+
+def request(number=0, tick=0, previous=None):
+    return PlanRequest(number, tick, np.zeros(3), np.zeros(2, np.float32), previous)
+
+
+def previous_plan():
+    knots = np.random.default_rng(0).uniform(-1, 1, (4, N)).astype(np.float32)
+    return Plan(number=0, tick=0, knots=knots, horizon=1.5, spline="linear")
+
+
+def evaluation(costs):
+    costs = np.asarray(costs, float)
+    valid = np.isfinite(costs)
+    return Evaluation(costs[:, None], valid, np.ones(len(costs), bool), np.empty(0, np.float32))
+
+
+class Bowl:
+    """A cost with its minimum at 0.3 everywhere; keeps what it was asked for."""
+
+    def __init__(self):
+        self.asked = []
+
+    def __call__(self, request, iteration, knots):
+        self.asked.append(knots)
+        return evaluation(((knots - 0.3) ** 2).sum(axis=(1, 2)))
+
+
+def all_lost(request, iteration, knots):
+    return evaluation(np.full(len(knots), np.inf))
+
+
+def test_the_first_plan_starts_from_standing_still():
+    knots = Planner(PlannerConfig(), ACTIONS, seed=0).shifted(request())
+    assert knots.shape == (4, N)
+    assert np.allclose(ACTIONS.physical(knots), ACTIONS.default)
+
+
+def test_the_mean_is_the_previous_plan_at_the_new_node_times():
+    planner, previous = Planner(PlannerConfig(), ACTIONS, seed=0), previous_plan()
+    knots = planner.shifted(request(number=1, tick=5, previous=previous))
+    times = np.array([0.1, 0.6, 1.1, 1.6])  # 5 ticks later; the last is beyond the horizon
+    assert knots == pytest.approx(previous.at_times(times))
+    assert knots[-1] == pytest.approx(previous.knots[-1])
+
+
+def test_a_shift_keeps_what_the_spline_says():
+    """Where old and new nodes coincide, the shifted plan is the old one, moved by a node."""
+    previous = previous_plan()
+    planner = Planner(PlannerConfig(), ACTIONS, seed=0)
+    knots = planner.shifted(request(number=10, tick=25, previous=previous))  # 0.5 s: one node
+    assert knots[:-1] == pytest.approx(previous.knots[1:])
+
+
+def test_candidates_are_the_shifted_plan_and_noise_around_it():
+    bowl, planner = Bowl(), Planner(PlannerConfig(rollouts=16), ACTIONS, seed=0)
+    asked_for = request(number=1, tick=2, previous=previous_plan())
+    planner.plan(asked_for, bowl)
+    (knots,) = bowl.asked
+    assert knots.shape == (16, 4, N)
+    assert np.array_equal(knots[0], planner.shifted(asked_for).astype(np.float32))
+    assert len({row.tobytes() for row in knots}) == 16
+
+
+def test_seed_and_plan_number_decide_the_noise():
+    def noise(seed, number):
+        bowl = Bowl()
+        Planner(PlannerConfig(iterations=2), ACTIONS, seed).plan(request(number), bowl)
+        return [knots.tobytes() for knots in bowl.asked]
+
+    assert noise(1, 2) == noise(1, 2)
+    draws = [*noise(1, 2), *noise(1, 3), *noise(2, 2), *noise(2**62, 2)]
+    assert len(set(draws)) == 8
+
+
+def test_a_planner_keeps_nothing_between_plans():
+    planner = Planner(PlannerConfig(iterations=2), ACTIONS, seed=0)
+    first = planner.plan(request(3), Bowl()).plan.knots
+    planner.plan(request(4, tick=10, previous=previous_plan()), Bowl())
+    assert np.array_equal(planner.plan(request(3), Bowl()).plan.knots, first)
+
+
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_a_plan_is_better_than_the_mean_it_started_from(optimizer):
+    config = PlannerConfig(optimizer, variance_first=0.001, variance_last=0.001)
+    result = Planner(config, ACTIONS, seed=0).plan(request(), bowl := Bowl())
+    (candidates,) = bowl.asked
+    cost = ((result.plan.knots - 0.3) ** 2).sum()
+    assert cost < ((candidates[0] - 0.3) ** 2).sum()
+    assert not result.failed
+
+
+def test_a_plan_is_anchored_on_its_request():
+    plan = Planner(PlannerConfig(spline="cubic"), ACTIONS, seed=0).plan(request(4, 10), Bowl()).plan
+    assert (plan.number, plan.tick, plan.horizon, plan.spline) == (4, 10, 1.5, "cubic")
+    assert plan.knots.dtype == np.float32
+    assert np.abs(plan.knots).max() <= 1.0
+
+
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_the_shifted_plan_goes_on_when_all_candidates_are_lost(optimizer):
+    planner = Planner(PlannerConfig(optimizer), ACTIONS, seed=0)
+    asked_for = request(number=1, tick=5, previous=previous_plan())
+    result = planner.plan(asked_for, all_lost)
+    assert result.failed
+    assert np.array_equal(result.plan.knots, planner.shifted(asked_for).astype(np.float32))
+
+
+def test_what_an_iteration_found_is_kept_when_the_next_one_is_lost():
+    def lost_later(request, iteration, knots):
+        return Bowl()(request, iteration, knots) if iteration == 0 else all_lost(0, 0, knots)
+
+    once = Planner(PlannerConfig(), ACTIONS, seed=0).plan(request(), Bowl())
+    result = Planner(PlannerConfig(iterations=2), ACTIONS, seed=0).plan(request(), lost_later)
+    assert not result.failed
+    assert np.array_equal(result.plan.knots, once.plan.knots)
+
+
+def test_inner_iterations_of_cem_narrow_the_search():
+    def spread(knots):
+        return knots[1:].std(axis=0).mean()
+
+    bowl = Bowl()
+    Planner(PlannerConfig(iterations=3), ACTIONS, seed=0).plan(request(), bowl)
+    first, second, third = map(spread, bowl.asked)
+    assert third < second < first
