@@ -1,13 +1,17 @@
 """What the benches print: Markdown tables, intervals, and what machine it was."""
 
+import importlib.metadata
 import math
 import os
 import platform
-from collections.abc import Sequence
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from sumo_dist.errors import UsageError
 from sumo_dist.rollout import engine_identity
 
+VERSIONS = ("sumo_dist", "mujoco", "python")
 Z95 = 1.959964  # standard normal quantile of a two-sided 95 % interval
 
 
@@ -41,6 +45,22 @@ def machine() -> str:
     return f"{_processor()}, {cores()} cores, {platform.system()} {platform.machine()}"
 
 
+def provenance() -> dict[str, str]:
+    """What a figure must be read with: the code, what it stands on, and the machine."""
+    return {
+        "sumo_dist": f"{importlib.metadata.version('sumo-dist')}{_commit()}",
+        "mujoco": importlib.metadata.version("mujoco"),
+        "python": platform.python_version(),
+        "machine": machine(),
+    }
+
+
+def heading(command: str, about: Mapping[str, str]) -> str:
+    """Say which command made the tables below, of which code, on what machine."""
+    versions = ", ".join(f"{key.replace('_', '-')} {about[key]}" for key in VERSIONS)
+    return f"# sumo-dist {command}\n\n{versions}; {about['machine']}."
+
+
 def checked_engine(kind: str) -> tuple[str, str]:
     """Return name and build of an engine; a bench takes the fallback only if asked for by name."""
     name, build = engine_identity(kind)
@@ -50,6 +70,28 @@ def checked_engine(kind: str) -> tuple[str, str]:
             "to bench the other one, say --engine fallback"
         )
     return name, build
+
+
+def _commit() -> str:
+    """Name the commit where the package runs from a git checkout."""
+    commit = _git("rev-parse", "--short", "HEAD")
+    if commit is None:
+        return ""
+    clean = _git("diff", "--quiet", "HEAD", "--", ":/", ":(top,exclude)docs") is not None
+    return f" (commit {commit})" if clean else f" (commit {commit} with changes)"
+
+
+def _git(*args: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ("git", "-C", str(Path(__file__).parent), *args),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def _processor() -> str:

@@ -1,0 +1,100 @@
+"""Variants of one workload, timed in turn, so that what disturbs one disturbs all alike."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from sumo_dist.rollout.interface import Engine
+
+T = TypeVar("T")
+
+
+class Variant(NamedTuple):
+    """What is rolled out how.
+
+    Attributes:
+        engine: "engine", "physics only", "fallback" or "reference".
+        density: of the fluid [kg/m^3].
+        timestep: of the physics [s].
+    """
+
+    engine: str
+    density: float
+    timestep: float
+
+    def __str__(self) -> str:
+        """Name it in a table."""
+        return f"{self.engine}, density {self.density:g}, dt {self.timestep:g}"
+
+
+class Round(NamedTuple):
+    """One timed call.
+
+    Attributes:
+        wall_ms: wall time [ms].
+        cpu_ms: processor time of all threads of the process [ms].
+        final: (B, nq + nv) states at the end of the rollouts; NaN where they diverged.
+    """
+
+    wall_ms: float
+    cpu_ms: float
+    final: np.ndarray
+
+
+def timed(call: Callable[[], T]) -> tuple[float, float, T]:
+    """Wall time and processor time of all threads [ms], and what the call returned."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = call()
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    _settle()
+    return wall * 1e3, cpu * 1e3, result
+
+
+def one_round(engine: Engine, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Round:
+    """Time one call of an engine of this process."""
+    wall_ms, cpu_ms, rollouts = timed(lambda: engine.rollout(state, memory, commands))
+    return Round(wall_ms, cpu_ms, rollouts.states[:, -1])
+
+
+def interleave(
+    variants: Mapping[Variant, Callable[[], Round]], repeats: int, tell: Callable[[str], None]
+) -> dict[Variant, list[Round]]:
+    """Run all variants once to warm up, then in turn, each time another one first."""
+    order = list(variants)
+    rounds: dict[Variant, list[Round]] = {variant: [] for variant in variants}
+    for variant in order:
+        variants[variant]()
+    for repeat in range(repeats):
+        for i in range(len(order)):
+            variant = order[(repeat + i) % len(order)]
+            rounds[variant].append(variants[variant]())
+        if (repeat + 1) % 10 == 0:
+            tell(f"{repeat + 1} of {repeats} rounds")
+    return rounds
+
+
+def row(variant: Variant, rounds: Sequence[Round]) -> dict[str, Any]:
+    """Median and minimum of a variant's rounds [ms]."""
+    wall, cpu = [r.wall_ms for r in rounds], [r.cpu_ms for r in rounds]
+    return {
+        **variant._asdict(),
+        "wall_ms_median": round(float(np.median(wall)), 2),
+        "wall_ms_min": round(min(wall), 2),
+        "cpu_ms_median": round(float(np.median(cpu)), 2),
+        "cpu_ms_min": round(min(cpu), 2),
+        "diverged": int((~np.isfinite(rounds[-1].final).all(axis=1)).sum()),
+    }
+
+
+def _settle() -> None:
+    """Wait until this process is idle.
+
+    The threads of a BLAS spin on for 0.1 s after a call, which would be charged to the next one.
+    """
+    busy = True
+    while busy:
+        before = time.process_time()
+        time.sleep(0.01)
+        busy = time.process_time() - before > 0.001
