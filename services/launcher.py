@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -58,7 +59,7 @@ class Launcher:
     def start(self, service: Service) -> subprocess.Popen[bytes]:
         """Start a service in a process group of its own: Ctrl-C reaches only the launcher."""
         process = subprocess.Popen(
-            [sys.executable, "-m", "sumo_dist", service.command, *flags(service.options)],
+            [sys.executable, "-P", "-m", "sumo_dist", service.command, *flags(service.options)],
             stdin=subprocess.DEVNULL,
             start_new_session=True,
             env={**os.environ, PARENT: str(os.getpid())},
@@ -75,6 +76,11 @@ class Launcher:
                 if other != name and running.poll() is not None:
                     self._note(service, running.returncode)
         return process.returncode
+
+    def let_finish(self, name: str) -> None:
+        """Give a service that ends by itself the time to do so."""
+        with suppress(subprocess.TimeoutExpired):
+            self._services[name][1].wait(STOP_S)
 
     def _note(self, service: Service, code: int) -> None:
         if service.vital:

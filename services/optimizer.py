@@ -23,7 +23,9 @@ from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.gather import RemoteEvaluator
+from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import PlanMessage, State, Status
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 Wanted = Callable[[Status], bool]
 
@@ -36,20 +38,20 @@ class OptimizerOptions:
     """An optimizer.
 
     Attributes:
+        task: its name.
         connect: the router's endpoint.
         robot: whose plans to make.
         run: the run to plan for; others' messages are dropped.
-        task: its name.
         planner: the planner's settings.
         seed: of the sampling noise.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
     """
 
-    connect: str
-    robot: str
-    run: str
     task: str
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    run: str = BY_HAND
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     seed: int = 0
     engine: str = "auto"

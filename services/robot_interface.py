@@ -8,6 +8,7 @@ from pathlib import Path
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.lockstep import run_lockstep
 from sumo_dist.episode.plant import Plant
+from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.realtime import RealtimeLoop, calibrate
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.start import draw_start
@@ -19,8 +20,10 @@ from sumo_dist.rollout import engine_identity, make_controller
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import teller
+from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import RunEnd
-from sumo_dist.wire.robot_link import RobotLink, Unanswered
+from sumo_dist.wire.robot_link import RobotLink
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 
 @dataclass(frozen=True)
@@ -28,20 +31,20 @@ class RobotOptions:
     """A robot, here a simulated one.
 
     Attributes:
+        episode: what to do.
         connect: the router's endpoint.
         robot: its name on the bus.
         run: id of the run.
-        episode: what to do.
         out: folder for run.npz and summary.json.
         speed: of the realtime clock, robot time per wall time; None fits it to the planner.
         wait: how long to wait for an answer before giving up [s].
     """
 
-    connect: str
-    robot: str
-    run: str
     episode: EpisodeConfig
-    out: Path
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    run: str = BY_HAND
+    out: Path = Path("runs", BY_HAND)
     speed: float | None = None
     wait: float = 30.0
 
@@ -57,8 +60,9 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
     recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
     with Bus.dial(options.connect, options.robot, run=options.run) as bus:
         tell = teller(bus, options.run, "robot")
-        link = RobotLink(bus, options.run, options.wait, stop, tell)
-        bus.announce("robot", "main", "-")
+        progress = Progress(recording.config["terms"], lambda line: tell("info", line))
+        link = RobotLink(bus, options.run, options.wait, stop, tell, progress)
+        bus.announce("robot", "main")
         began = time.monotonic()
         try:
             if config.clock == "lockstep":
@@ -74,20 +78,21 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
             else:
                 speed = options.speed or calibrate(plant, controller.initial_memory(), link)
                 tell("info", f"realtime at {speed:.3f} of the wall clock")
-                loop = RealtimeLoop(
-                    plant, controller, task, referee, link, recording, speed, stop, tell
-                )
                 began = time.monotonic()
-                reason = loop.run()
+                reason = RealtimeLoop(
+                    plant, controller, task, referee, link, recording, speed, stop, tell
+                ).run()
         except Interrupted:
             reason = "interrupted"
-        except Unanswered as error:
-            reason = f"no answer: {error}"
         except SumoError as error:
             reason = f"fault: {error}"
+        wall = time.monotonic() - began
         bus.publish(RunEnd(options.run, plant.tick, reason, success=reason == "success"))
-    ending = Ending(reason, time.monotonic() - began)
-    options.out.mkdir(parents=True, exist_ok=True)
-    recording.save(options.out / "run.npz")
-    write_summary(summarise(recording, ending), options.out)
+    return _write(options.out, recording, Ending(reason, wall))
+
+
+def _write(out: Path, recording: Recording, ending: Ending) -> int:
+    out.mkdir(parents=True, exist_ok=True)
+    recording.save(out / "run.npz")
+    write_summary(summarise(recording, ending), out)
     return ending.exit_code

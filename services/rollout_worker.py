@@ -5,10 +5,12 @@ A worker is started for no task: the first request names one, and it compiles th
 
 import logging
 import os
+import re
+import socket
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,10 +24,17 @@ from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import misfit
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 NICENESS = 5  # the robot and the optimizer of the same machine go first
 log = logging.getLogger("sumo_dist.worker")
 Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
+
+
+def unique_name() -> str:
+    """Return a name that no other process on any host has."""
+    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()).strip("-")[:40]
+    return f"{host or 'host'}-{os.getpid()}"
 
 
 @dataclass(frozen=True)
@@ -35,14 +44,14 @@ class WorkerOptions:
     Attributes:
         connect: the router's endpoint.
         robot: whose plans to work for.
-        name: unique among the workers.
+        name: unique among the workers; by default host and process.
         threads: rollout threads.
         engine: kind of rollout engine, see rollout.make_engine.
     """
 
-    connect: str
-    robot: str
-    name: str
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
 

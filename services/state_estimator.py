@@ -5,13 +5,14 @@ import queue
 import threading
 from dataclasses import dataclass
 
-from sumo_dist.episode.plant import Readings
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import Sensors, State
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 log = logging.getLogger("sumo_dist.estimator")
 
@@ -21,15 +22,15 @@ class EstimatorOptions:
     """A state estimator.
 
     Attributes:
+        task: decides the model, and with it what the readings are.
         connect: the router's endpoint.
         robot: whose state to estimate.
-        task: decides the model, and with it what the readings are.
         estimator: "truth" or "lowpass".
     """
 
-    connect: str
-    robot: str
     task: str
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
     estimator: str = "truth"
 
 

@@ -3,11 +3,10 @@
 import os
 import sys
 import time
-import uuid
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -91,11 +90,14 @@ def main(options: Options) -> int:
     episode, out = options.episode(), options.folder()
     _prepare(episode)
     _make_folder(out)
-    code = (
-        _single(episode, threads, out)
-        if workers == 0
-        else _distributed(options, episode, workers, threads, out)
-    )
+    if workers == 0:
+        code = _single(episode, threads, out)
+    else:
+        from sumo_dist.commands.distributed import Crew, run_distributed
+
+        viewer = options.viewer if _has_view() else None
+        crew = Crew(episode, workers, threads, out, viewer, _speed(options), options.wait)
+        code = run_distributed(crew, options.listen)
     print(f"{one_line(read_summary(out))}; in {out}")
     return code
 
@@ -150,56 +152,3 @@ def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
 
         replay.to_rrd(recording, out / "run.rrd")
     return ending.exit_code
-
-
-def _distributed(
-    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path
-) -> int:
-    from sumo_dist.commands import serve
-    from sumo_dist.services.launcher import Launcher, Service, dialled, listening
-
-    run = uuid.uuid4().hex[:12]
-    robot = load_task(episode.task).scene.robot.name
-    listen = listening(options.listen)
-    bus: dict[str, Any] = {"connect": dialled(listen), "robot": robot}
-    with Launcher() as launcher:
-        launcher.start(Service("router", "router", serve.Router(listen)))
-        launcher.start(
-            Service(
-                "state-estimator",
-                "state-estimator",
-                serve.Estimator(**bus, task=episode.task, estimator=episode.estimator),
-            )
-        )
-        launcher.start(
-            Service(
-                "optimizer",
-                "optimizer",
-                serve.Optimizer(
-                    **bus,
-                    run=run,
-                    task=episode.task,
-                    planner=episode.planner,
-                    seed=episode.seed,
-                    engine=episode.engine,
-                ),
-            )
-        )
-        for i in range(workers):
-            worker = serve.Worker(**bus, name=f"local-{i}", threads=threads, engine=episode.engine)
-            launcher.start(Service(worker.name, "rollout-worker", worker, vital=False))
-        launcher.start(
-            Service(
-                "robot-interface",
-                "robot-interface",
-                serve.Robot(
-                    **bus,
-                    run=run,
-                    episode=episode,
-                    out=out,
-                    speed=_speed(options),
-                    wait=options.wait,
-                ),
-            )
-        )
-        return launcher.wait_for("robot-interface")

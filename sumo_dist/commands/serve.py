@@ -9,23 +9,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from sumo_dist.services import (
-    optimizer as optimizer_service,
-)
-from sumo_dist.services import (
-    robot_interface,
-    rollout_worker,
-    state_estimator,
-)
-from sumo_dist.services import (
-    router as router_service,
-)
+from sumo_dist.services import optimizer as optimizer_service
+from sumo_dist.services import robot_interface, rollout_worker, state_estimator
+from sumo_dist.services import router as router_service
+from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services.launcher import PARENT
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 Estimator = state_estimator.EstimatorOptions
 Optimizer = optimizer_service.OptimizerOptions
 Robot = robot_interface.RobotOptions
+Tracer = tracer_service.TracerOptions
 Worker = rollout_worker.WorkerOptions
 
 
@@ -67,6 +61,13 @@ def worker(options: Worker) -> int:
     """Roll out until stopped."""
     with service() as stop:
         rollout_worker.run(options, stop)
+    return 0
+
+
+def tracer(options: Tracer) -> int:
+    """Show and record until the run has ended."""
+    with service() as stop:
+        tracer_service.run(options, stop)
     return 0
 
 

@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sumo_dist.episode.plant import Plant, Readings
+from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan, plan_due
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport

@@ -1,11 +1,10 @@
 """The simulated robot and world: what the plan is executed on."""
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, ModelOptions, Scene, compile_model
 from sumo_dist.rollout.interface import TICK
 
@@ -17,25 +16,6 @@ def mocap_times_ms(first: int, last: int) -> np.ndarray:
     frames = np.arange(first * 3 // 25, last * 3 // 25 + 2)
     stamps = np.round(frames * 25 / 3).astype(int)
     return stamps[(stamps > first) & (stamps <= last)]
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What the sensors saw since the tick before, up to the instant of this tick.
-
-    Attributes:
-        tick: policy tick.
-        truth: (nq + nv,) the plant's state; empty if the robot has no such oracle.
-        encoder_ms, encoders: (E,) stamps and (E, 2 nj) joint positions and velocities.
-        mocap_ms, mocap: (M,) stamps and (M, bodies, 7) poses: position, quaternion wxyz.
-    """
-
-    tick: int
-    truth: np.ndarray
-    encoder_ms: np.ndarray
-    encoders: np.ndarray
-    mocap_ms: np.ndarray
-    mocap: np.ndarray
 
 
 class Plant:

@@ -7,8 +7,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from sumo_dist.episode.plant import Plant, Readings
+from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.follow import Follower
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest

@@ -14,7 +14,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.rollout.interface import TICK
 
 _TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
-FAULTS = ("interrupted", "no answer", "fault")  # reasons that are not the task's
+FAULTS = ("interrupted", "fault")  # reasons that are not the task's
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from sumo_dist.episode.plant import Readings
 from sumo_dist.errors import unknown
 from sumo_dist.estimate.lowpass import LowPassConfig, LowPassEstimator
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.estimate.truth import TruthEstimator
 
 __all__ = ["ESTIMATORS", "LowPassConfig", "LowPassEstimator", "TruthEstimator", "make_estimator"]

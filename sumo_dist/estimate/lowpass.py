@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 import mujoco
 import numpy as np
 
-from sumo_dist.episode.plant import Readings
 from sumo_dist.errors import UsageError
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.estimate.tracks import BodyTrack, JointTrack
 from sumo_dist.rollout.interface import TICK
 

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from sumo_dist.episode.plant import Readings
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.estimate.readings import Readings
 
 
 class TruthEstimator:

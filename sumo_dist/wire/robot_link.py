@@ -7,8 +7,8 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from sumo_dist.episode.plant import Readings
 from sumo_dist.errors import Interrupted, SumoError
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
@@ -24,10 +24,6 @@ NOTICE_S = 3.0  # after this long the user is told what is being waited for
 T = TypeVar("T")
 
 
-class Unanswered(SumoError):
-    """Nobody answered for as long as the user wants to wait."""
-
-
 class RobotLink:
     """Asks for states and plans. What is asked again gets the same answer (lockstep)."""
 
@@ -38,8 +34,10 @@ class RobotLink:
         wait: float,
         stop: threading.Event,
         tell: Tell,
+        on_plan: Callable[[PlanReport], None],
     ) -> None:
-        """Subscribe; questions wait at most `wait` seconds, `tell(level, text)` hears of it."""
+        """Subscribe; a question waits at most `wait` seconds, `on_plan` sees all plans."""
+        self._on_report = on_plan
         self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
         self._arrived = threading.Condition()
         self._state: State | None = None
@@ -116,7 +114,7 @@ class RobotLink:
             if self._stop.is_set():
                 raise Interrupted("told to stop")
             if waited > self._wait:
-                raise Unanswered(f"no answer to the request for {what} in {self._wait:g} s")
+                raise SumoError(f"no answer to the request for {what} in {self._wait:g} s")
             if waited > NOTICE_S and not noticed:
                 noticed = True
                 self._tell("warning", f"waiting for {what}")
@@ -128,6 +126,8 @@ class RobotLink:
                 self._arrived.notify_all()
 
     def _on_plan(self, message: PlanMessage) -> None:
+        report = message.report
         with self._arrived:
-            self._plans[message.plan.number] = message.report
+            self._plans[report.plan.number] = report
             self._arrived.notify_all()
+        self._on_report(report)
