@@ -10,6 +10,9 @@ from sumo_dist.rollout.interface import TICK
 
 ENCODER_PERIOD_MS = 3  # 333 Hz joint encoders (paper)
 
+_WARNING = mujoco.mjtWarning
+_DIVERGED = (_WARNING.mjWARN_BADQPOS, _WARNING.mjWARN_BADQVEL, _WARNING.mjWARN_BADQACC)
+
 
 def mocap_times_ms(first: int, last: int) -> np.ndarray:
     """Millisecond stamps in (first, last] at which a 120 Hz motion capture sends a frame."""
@@ -61,6 +64,8 @@ class Plant:
 
     def step(self, targets: np.ndarray) -> None:
         """Hold joint targets (nu,) [rad] for one policy tick."""
+        if not np.isfinite(targets).all():  # MuJoCo would take them for zeros
+            raise SumoError(f"the policy's joint targets are not finite at tick {self.tick}")
         self._data.ctrl[:] = targets
         self._encoders.clear()
         self._mocap.clear()
@@ -74,8 +79,8 @@ class Plant:
             if stamp in frames:
                 self._mocap.append((stamp, self._read_bodies()))
         self.tick += 1
-        if not np.isfinite(self.state).all():
-            raise SumoError(f"the simulated robot's state became non-finite at tick {self.tick}")
+        if any(self._data.warning[kind].number for kind in _DIVERGED):
+            raise SumoError(f"the simulation diverged at tick {self.tick}")
 
     def read(self) -> Readings:
         """Return what the sensors saw during the last tick."""

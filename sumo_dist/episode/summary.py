@@ -44,7 +44,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     made without some of their candidates; `rollouts_lost`, candidates left out or asked for twice.
     """
     plan_ms = np.array(recording.plan_ms or [np.nan])
-    seconds = (len(recording.states) - 1) * TICK
+    seconds = max(len(recording.states) - 1, 0) * TICK
     success = ending.reason == "success"
     identity = ("task", "robot", "optimizer", "engine", "clock", "seed", "config_hash")
     return {
