@@ -1,0 +1,78 @@
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from sumo_dist.episode.referee import Referee
+from sumo_dist.model.index import StateIndex
+
+
+@pytest.fixture
+def index(plant):
+    return StateIndex(plant.model)
+
+
+@pytest.fixture
+def referee(move_box, plant):
+    return Referee(move_box, plant.model)
+
+
+@pytest.fixture
+def at_goal(first_state, index):
+    """A state with the robot far away and the box at rest on its goal."""
+    state = first_state.copy()
+    state[index.pose("body")][:2] = 3.0, 3.0
+    state[index.pose("box")][:3] = 0.0, 0.0, 0.254
+    return state
+
+
+def test_an_episode_goes_on_while_nothing_is_decided(referee, first_state):
+    assert [referee.verdict(tick, first_state) for tick in range(3)] == [None] * 3
+
+
+def test_a_box_at_rest_on_its_goal_is_success(referee, at_goal):
+    assert referee.verdict(0, at_goal) == "success"
+
+
+def test_a_box_that_passes_its_goal_is_not(referee, at_goal, index):
+    at_goal[index.velocity("box")][0] = 0.2
+    assert referee.verdict(0, at_goal) is None
+
+
+def test_success_that_must_hold_is_held_without_a_break(move_box, plant, at_goal, index):
+    referee = Referee(replace(move_box, success_hold=0.1), plant.model)  # 5 ticks
+    moving = at_goal.copy()
+    moving[index.velocity("box")][0] = 0.2
+    assert [referee.verdict(tick, at_goal) for tick in range(5)] == [None] * 5
+    assert referee.verdict(5, moving) is None
+    assert [referee.verdict(tick, at_goal) for tick in range(6, 11)] == [None] * 5
+    assert referee.verdict(11, at_goal) == "success"
+
+
+@pytest.mark.parametrize(("height", "verdict"), [(0.36, None), (0.35, "fell"), (0.1, "fell")])
+def test_a_robot_below_its_fall_height_fell(referee, first_state, index, height, verdict):
+    state = first_state.copy()
+    state[index.pose("body")][2] = height
+    assert referee.verdict(0, state) == verdict
+
+
+@pytest.mark.parametrize(("limit", "last"), [(None, 1500), (2.0, 100)])
+def test_time_runs_out_on_the_tasks_or_the_given_limit(move_box, plant, first_state, limit, last):
+    referee = Referee(move_box, plant.model, limit)
+    assert referee.verdict(last - 1, first_state) is None
+    assert referee.verdict(last, first_state) == "timeout"
+
+
+def test_success_on_the_last_tick_counts(referee, at_goal):
+    assert referee.verdict(1500, at_goal) == "success"
+
+
+def test_sees_the_frames_where_the_simulation_has_them(referee, plant, first_state):
+    data = mujoco.MjData(plant.model)
+    data.qpos[:] = first_state[: plant.model.nq]
+    mujoco.mj_forward(plant.model, data)
+    view = referee.view(first_state)
+    assert np.allclose(view.gripper.pos[0, 0], data.site("site_arm_link_fngr").xpos)
+    assert np.allclose(view.base.rot[0, 0].ravel(), data.body("body").xmat)
+    assert view.actions.shape == (1, 1, 9)

@@ -1,0 +1,122 @@
+import json
+
+import numpy as np
+import pytest
+
+from sumo_dist.episode.summary import Ending, one_line, read_summary, summarise, write_summary
+from sumo_dist.errors import SumoError
+from sumo_dist.planner.plan import Plan, anchor_tick
+from sumo_dist.planner.report import PlanReport
+from sumo_dist.record.recording import Recording
+
+CONFIG = {
+    "task": "spot/move_box",
+    "robot": "spot",
+    "optimizer": "cem",
+    "engine": "native-avx2",
+    "clock": "lockstep",
+    "seed": 3,
+    "config_hash": "0123",
+    "versions": {"sumo-dist": "0"},
+}
+
+
+@pytest.fixture
+def recording():
+    """51 ticks, and plans 0, 1, 2 and 5 of 10, 20, 30 and 40 ms."""
+    recording = Recording(CONFIG)
+    for tick in range(51):
+        recording.add_tick(np.full(3, tick), np.full(3, tick), np.zeros(2, np.float32))
+    for number, lost, reissued in ((0, 0, 0), (1, 4, 0), (2, 0, 0), (5, 0, 8)):
+        knots = np.zeros((4, 9), np.float32)
+        plan = Plan(number, anchor_tick(number), knots, 1.5, "linear")
+        plan_ms = 10.0 * (len(recording.plan_ms) + 1)
+        costs, finite = np.zeros(32), np.ones(32, bool)
+        recording.add_plan(
+            PlanReport(
+                plan, costs, finite, np.zeros(3), plan_ms, own_ms=1.0, lost=lost, reissued=reissued
+            )
+        )
+    return recording
+
+
+@pytest.mark.parametrize(
+    ("reason", "code"),
+    [
+        ("success", 0),
+        ("timeout", 1),
+        ("fell", 1),
+        ("interrupted", 3),
+        ("fault: no answer to the request for a plan in 60 s", 3),
+        ("fault: no state for 0.2 s, the robot sat down", 3),
+    ],
+)
+def test_exit_codes_tell_success_failure_and_fault_apart(reason, code):
+    assert Ending(reason, 1.0).exit_code == code
+
+
+def test_a_solved_run_has_a_completion_time(recording):
+    summary = summarise(recording, Ending("success", wall_s=4.0))
+    assert summary["success"] is True
+    assert summary["completion_time_s"] == summary["robot_time_s"] == 1.0
+    assert summary["real_time_factor"] == 0.25
+    assert {key: summary[key] for key in CONFIG} == CONFIG
+
+
+def test_a_run_that_failed_has_none(recording):
+    summary = summarise(recording, Ending("fell", wall_s=4.0))
+    assert (summary["success"], summary["completion_time_s"]) == (False, None)
+    assert (summary["end_reason"], summary["robot_time_s"]) == ("fell", 1.0)
+
+
+def test_the_account_counts_what_was_lost(recording):
+    summary = summarise(recording, Ending("timeout", 1.0))
+    assert summary["plans"] == 4
+    assert summary["plan_ms_p50"] == 25.0
+    assert summary["missed_deadlines"] == 2  # plans 3 and 4 never came
+    assert summary["partial_plans"] == 1
+    assert summary["rollouts_lost"] == 12
+    line = one_line(summary)
+    assert "spot/move_box seed 3: not solved: timeout" in line
+    assert "2 missed deadlines, 1 partial plans, 12 rollouts lost" in line
+
+
+def test_the_line_of_a_clean_run_has_no_troubles(recording):
+    recording.plan_numbers[-1], recording.lost[1], recording.reissued[-1] = 3, 0, 0
+    line = one_line(summarise(recording, Ending("success", 2.0)))
+    assert "solved in 1.0 s, 4 plans of 25 ms" in line
+    assert line.endswith("0.50x real time, cem on native-avx2")
+
+
+def test_a_run_that_ended_before_it_began_is_accounted_for():
+    summary = summarise(Recording(CONFIG), Ending("fault: no answer", 60.0))
+    assert (summary["plans"], summary["robot_time_s"]) == (0, 0.0)
+    assert summary["plan_ms_p50"] is None
+    assert summary["real_time_factor"] == 0.0
+    assert "not solved: fault: no answer" in one_line(summary)
+    json.dumps(summary, allow_nan=False)
+
+
+def test_digests_name_the_bits(recording):
+    before = summarise(recording, Ending("timeout", 1.0))
+    again = summarise(recording, Ending("timeout", 1.0))
+    assert before["plan_digest"] == again["plan_digest"]
+    recording.knots[2] = np.nextafter(recording.knots[2], np.float32(1))
+    recording.states[7] = np.nextafter(recording.states[7], 1e9)
+    after = summarise(recording, Ending("timeout", 1.0))
+    assert after["plan_digest"] != before["plan_digest"]
+    assert after["state_digest"] != before["state_digest"]
+
+
+def test_reads_what_was_written(recording, tmp_path):
+    summary = summarise(recording, Ending("timeout", 1.0))
+    write_summary(summary, tmp_path)
+    assert read_summary(tmp_path) == summary
+
+
+@pytest.mark.parametrize("content", [None, "", "{"])
+def test_a_missing_or_broken_summary_is_one_clear_error(tmp_path, content):
+    if content is not None:
+        (tmp_path / "summary.json").write_text(content)
+    with pytest.raises(SumoError, match=r"the run left no readable .*summary\.json"):
+        read_summary(tmp_path)
