@@ -1,29 +1,107 @@
-"""Finding tasks by name: ours, and those of installed packages by entry point."""
+"""Finding tasks: ours by name, those of installed packages by entry point, a user's by file."""
 
+import sys
 from collections.abc import Callable
-from importlib import import_module
-from importlib.metadata import entry_points
+from dataclasses import replace
+from importlib.machinery import SourceFileLoader
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from typing import Any
 
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.model.scene import SceneObject
+from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
-_OURS = {"spot/move_box": "sumo_dist.tasks.spot.move_box"}
+_OURS = {**ANALYSIS}
 
 
 def task_names() -> tuple[str, ...]:
-    """Names of all tasks that `load_task` knows."""
+    """Names of all tasks that `load_task` knows by name."""
     return tuple(sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))}))
 
 
-def load_task(name: str) -> Task:
-    """Build a task by name; packages add theirs under the entry point group sumo_dist.tasks."""
-    others = [point for point in entry_points(group=GROUP) if point.name == name]
-    if len(others) + (name in _OURS) > 1:
-        raise UsageError(f"task {name!r} is defined more than once, also by {others[0].value}")
-    if name in _OURS:
-        return import_module(_OURS[name]).task()
-    if not others:
-        raise unknown("task", name, task_names())
-    build: Callable[[], Task] = others[0].load()
-    return build()
+def load_task(source: str) -> Task:
+    """Build a task.
+
+    Args:
+        source: a name, ours or one that a package adds under the entry point group
+            sumo_dist.tasks; or the path of a Python file that defines `task() -> Task`. Model files
+            that a task names are looked for beside the file that defines it, then below assets/.
+
+    Raises:
+        UsageError: there is no such task, or its file or package is at fault.
+    """
+    if source.endswith(".py"):
+        return _from_file(Path(source).absolute())
+    points = [point for point in entry_points(group=GROUP) if point.name == source]
+    if len(points) + (source in _OURS) > 1:
+        raise UsageError(f"task {source!r} is defined more than once, also by {points[0].value}")
+    if source in _OURS:
+        return replace(_OURS[source](), source=source)
+    if not points:
+        raise unknown("task", source, ["/a/path/to/a/task.py", *task_names()])
+    return _from_package(points[0])
+
+
+def _from_file(path: Path) -> Task:
+    where = f"task file {path}"
+    if not path.is_file():
+        raise UsageError(f"{where} does not exist on this host")
+    loader = SourceFileLoader(f"sumo_dist_task_{path.stem}", str(path))
+    spec = spec_from_loader(loader.name, loader)
+    assert spec is not None, "the loader knows its file"
+    module = sys.modules[loader.name] = module_from_spec(spec)  # dataclasses look it up there
+    _guarded(where, lambda: loader.exec_module(module))
+    build = getattr(module, "task", None)
+    if not callable(build):
+        raise UsageError(f"{where} defines no function task() that returns a Task")
+    return replace(_build(where, build, path.parent), source=str(path))
+
+
+def _from_package(point: EntryPoint) -> Task:
+    where = f"task {point.name!r} of the entry point {point.value}"
+    build = _guarded(where, point.load)
+    module = sys.modules[point.module]
+    task = _build(where, build, Path(module.__file__ or "").parent)
+    if task.name != point.name:
+        raise UsageError(f"{where} calls itself {task.name!r}; both names must be the same")
+    return replace(task, source=point.name)
+
+
+def _build(where: str, build: Callable[[], Any], folder: Path) -> Task:
+    task = _guarded(where, build)
+    if not isinstance(task, Task):
+        raise UsageError(f"{where}: task() returned {type(task).__name__}, must return a Task")
+
+    def beside(thing: SceneObject) -> SceneObject:
+        here = folder / thing.mjcf
+        return replace(thing, mjcf=str(here)) if here.is_file() else thing
+
+    objects, fixtures = (tuple(map(beside, t)) for t in (task.scene.objects, task.scene.fixtures))
+    return replace(task, scene=replace(task.scene, objects=objects, fixtures=fixtures))
+
+
+def _guarded(where: str, call: Callable[[], Any]) -> Any:
+    """Run a user's code; what goes wrong there is one line that says where, not a traceback."""
+    try:
+        return call()
+    except SumoError as error:
+        raise UsageError(f"{where}: {error}") from error
+    except Exception as error:
+        raise UsageError(f"{where}: {_blame(error)}") from error
+
+
+def _blame(error: Exception) -> str:
+    """Type, message and innermost line of an error."""
+    if isinstance(error, SyntaxError):
+        return f"line {error.lineno}: SyntaxError: {error.msg}"
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    at = (
+        f"{Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}: " if trace else ""
+    )
+    return f"{at}{type(error).__name__}: {error}"

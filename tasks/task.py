@@ -13,6 +13,9 @@ from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks.reset import Start
 
+Predicate = Callable[[View], np.ndarray]
+"""View -> (B, T) bool."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -25,11 +28,14 @@ class Task:
         frames: the named frames that cost and success functions see; "base" is the robot's.
         cost: the table of terms.
         reset: draws a start; see tasks.reset.
-        success: View -> (B, T) bool.
-        goal: where the object should come to rest, world [m]; drawn by the viewer.
+        success: when the task is solved.
+        goal: where the object should come to rest, world [m], drawn by the viewer; None: anywhere.
+        failure: what an episode that runs out of time may be put down to, the first that holds.
+            It does not end the episode: what tips may be set up again.
         success_hold: how long success must hold without a break [s].
         time_limit: robot time after which the episode ends [s].
         trails: frames whose paths are traced in rollouts.
+        source: what `load_task` finds the task by: its name, or the absolute path of its file.
     """
 
     name: str
@@ -38,11 +44,13 @@ class Task:
     frames: Mapping[str, FrameRef]
     cost: tuple[CostTerm, ...]
     reset: Callable[[np.random.Generator, Start], np.ndarray]
-    success: Callable[[View], np.ndarray]
-    goal: tuple[float, float, float]
+    success: Predicate
+    goal: tuple[float, float, float] | None = None
+    failure: Mapping[str, Predicate] = field(default_factory=dict)
     success_hold: float = 0.0
     time_limit: float = 30.0
-    trails: tuple[str, ...] = field(default=("gripper", "object"))
+    trails: tuple[str, ...] = ("gripper", "object")
+    source: str = ""
 
     def __post_init__(self) -> None:
         names = [term.name for term in self.cost]

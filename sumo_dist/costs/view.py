@@ -101,3 +101,18 @@ class ViewLayout:
             velocity = states[..., self._velocity[name]] if name in self._velocity else None
             frames[name] = Frame(name, positions[:, :, i], rotations[:, :, i], velocity)
         return View(frames, actions)
+
+    def at(self, data: mujoco.MjData, nu: int = 0) -> View:
+        """Name the arrays of a simulation's present: one rollout of one step, all nu actions 0.
+
+        The simulation's kinematics must be up to date.
+        """
+        frames = [
+            data.site(ref.name) if ref.kind == "site" else data.body(ref.name) for ref in self.refs
+        ]
+        return self.view(
+            np.concatenate([data.qpos, data.qvel])[None, None],
+            np.array([frame.xpos for frame in frames])[None, None],
+            np.array([frame.xmat for frame in frames]).reshape(1, 1, -1, 3, 3),
+            np.zeros((1, 1, nu)),
+        )

@@ -22,24 +22,20 @@ class Referee:
         self._held = -1
 
     def verdict(self, tick: int, state: np.ndarray) -> str | None:
-        """Return "success", "fell", "timeout", or None while the episode goes on."""
+        """Return "success", "fell", one of the task's failures, "timeout", or None to go on."""
         view = self.view(state)
         self._held = self._held + 1 if bool(self._task.success(view)[0, 0]) else -1
         if self._held >= self._hold_ticks:
             return "success"
         if view.base.pos[0, 0, 2] <= self._task.scene.robot.fall_height:
             return "fell"
-        return "timeout" if tick >= self._last_tick else None
+        if tick < self._last_tick:
+            return None
+        held = (name for name, holds in self._task.failure.items() if holds(view)[0, 0])
+        return next(held, "timeout")
 
     def view(self, state: np.ndarray) -> View:
         """Name the arrays of one state: one rollout of one step, without an action."""
         self._data.qpos[:], self._data.qvel[:] = np.split(state, [self._model.nq])
         mujoco.mj_kinematics(self._model, self._data)
-        frames = [
-            self._data.site(ref.name) if ref.kind == "site" else self._data.body(ref.name)
-            for ref in self._layout.refs
-        ]
-        positions = np.array([frame.xpos for frame in frames])[None, None]
-        rotations = np.array([frame.xmat for frame in frames]).reshape(1, 1, -1, 3, 3)
-        actions = np.zeros((1, 1, len(self._task.actions.names)))
-        return self._layout.view(state[None, None], positions, rotations, actions)
+        return self._layout.at(self._data, len(self._task.actions.names))

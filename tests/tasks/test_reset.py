@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from sumo_dist.errors import SumoError
-from sumo_dist.model.settle import settled_stand
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks.reset import Start, redraw
 
@@ -10,8 +9,8 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def start(plant_model, index):
-    return Start(plant_model, index, settled_stand(SPOT), SPOT.base)
+def start(move_box):
+    return Start.of(move_box.scene)
 
 
 def test_places_the_robot_with_its_stance_height_and_heading(start, index):
