@@ -4,6 +4,7 @@ It is never imported here: it needs MuJoCo 3.6. A child process serves it, one r
 """
 
 import json
+import platform
 import shutil
 import subprocess
 import sys
@@ -110,7 +111,7 @@ def _environment(tell: Callable[[str], None]) -> Path:
 def _interpreter(tag: str) -> str:
     """Find the Python that the pinned wheel is for."""
     version = f"3.{tag[3:5]}"  # cp311-... is for 3.11
-    if not tag.endswith("_x86_64") or sys.platform != "linux":
+    if sys.platform != "linux" or not tag.endswith(f"_{platform.machine()}"):
         raise SumoError(f"the reference is a wheel for {tag}: this machine cannot run it")
     if f"{sys.version_info.major}.{sys.version_info.minor}" == version:
         return sys.executable

@@ -1,0 +1,269 @@
+"""`sumo-dist doctor`: what works on this machine, and what to do about what does not."""
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import queue
+import re
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+from sumo_dist.errors import SumoError
+
+# Checks import what they check: a broken package then fails its line and not the command.
+
+PYTHONS = ((3, 11), (3, 13))
+PINGS = 50
+PLANS = 12
+PLAN_PERIOD_MS = 50.0  # of robot time
+CPU_QUOTA = Path("/sys/fs/cgroup/cpu.max")
+RENDER = (
+    "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).render()"
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """`doctor` has no options."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a check found.
+
+    Attributes:
+        level: "warn" where something is slower or missing, "fail" where the main job cannot run.
+        text: one line.
+    """
+
+    level: Literal["ok", "warn", "fail"]
+    text: str
+
+
+def main(options: Options) -> int:
+    """Print a line per check; 0 if none failed, else 3."""
+    del options
+    failed = False
+    for name, check in CHECKS.items():
+        finding = examine(check)
+        failed |= finding.level == "fail"
+        print(f"{finding.level:<6}{name:<12}{finding.text}", flush=True)
+    return 3 if failed else 0
+
+
+def examine(check: Callable[[], Finding]) -> Finding:
+    """Run a check; whatever it trips over is its finding."""
+    try:
+        return check()
+    except SumoError as error:
+        return Finding("fail", " ".join(str(error).split()))
+    except Exception as error:  # what a broken installation raises is not ours to foresee
+        return Finding("fail", f"{type(error).__name__}: {error}")
+
+
+def python() -> Finding:
+    """Is the interpreter one of those that are tested."""
+    low, high = (".".join(map(str, version)) for version in PYTHONS)
+    text = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    if PYTHONS[0] <= sys.version_info[:2] <= PYTHONS[1]:
+        return Finding("ok", text)
+    return Finding("fail", f"{text}: needs {low} to {high}")
+
+
+def packages() -> Finding:
+    """Are the packages in the ranges that this release is tested with."""
+    found, wrong = [], []
+    for requirement in importlib.metadata.requires("sumo-dist") or []:
+        name, bounds = split_requirement(requirement)
+        if "extra ==" in requirement:
+            continue
+        version = importlib.metadata.version(name)
+        importlib.import_module({"eclipse-zenoh": "zenoh"}.get(name, name))
+        found.append(f"{name} {version}")
+        if not all(satisfies(version, bound) for bound in bounds):
+            wrong.append(f"{name} {version} is not {','.join(bounds)}")
+    if wrong:
+        return Finding("fail", f"{'; '.join(wrong)}: install sumo-dist again")
+    return Finding("ok", ", ".join(found))
+
+
+def split_requirement(requirement: str) -> tuple[str, list[str]]:
+    """Split "name<2,>=1; marker" into the name and its bounds."""
+    match = re.match(r"([\w.-]+)\s*\(?([^;)]*)", requirement)
+    assert match is not None, requirement
+    return match[1], [bound.strip() for bound in match[2].split(",") if bound.strip()]
+
+
+def satisfies(version: str, bound: str) -> bool:
+    """Whether a version keeps a bound such as ">=4.0" or "<4.1"."""
+    operator, limit = re.match(r"(>=|<|==)\s*(.+)", bound).groups()  # pyright: ignore
+    ours, theirs = (
+        tuple(int(part) for part in re.findall(r"\d+", text.partition("+")[0])[:3])
+        for text in (version, limit)
+    )
+    if operator == "==":
+        return ours[: len(theirs)] == theirs
+    return ours >= theirs if operator == ">=" else ours < theirs
+
+
+def engine() -> Finding:
+    """Is there the native engine, and why not."""
+    from sumo_dist.rollout import engine_identity
+
+    if find_spec("sumo_dist.rollout._native") is None:
+        name, _ = engine_identity("fallback")
+        text = f"{name}, about half as fast: this installation was built without a C++ compiler"
+        return Finding("warn", f"{text}; get one and install again")
+    name, build = engine_identity("native")
+    if name == "native-portable":
+        return Finding("warn", f"{name}, build {build}: slow, for this processor has no AVX2")
+    return Finding("ok", f"{name}, build {build}")
+
+
+def policies() -> Finding:
+    """Are the weights in the cache, and are they the pinned ones."""
+    from sumo_dist.policies.fetch import cache_dir, cached
+    from sumo_dist.policies.manifest import read_manifest
+
+    pinned = read_manifest().values()
+    missing = [policy.name for policy in pinned if not (cache_dir() / policy.file_name).exists()]
+    for policy in pinned:
+        if policy.name not in missing:
+            cached(policy)
+    if missing:
+        return Finding("warn", f"{', '.join(missing)}: not in {cache_dir()}, fetched on first need")
+    return Finding("ok", f"{', '.join(p.name for p in pinned)}: in {cache_dir()}, hashes right")
+
+
+def zenoh() -> Finding:
+    """Do two services reach each other through a router on this machine."""
+    import numpy as np
+
+    from sumo_dist.services.launcher import listening
+    from sumo_dist.wire.bus import Bus
+    from sumo_dist.wire.messages import RunEnd, State
+    from sumo_dist.wire.session import open_router
+
+    endpoint, run = listening("tcp/127.0.0.1:0"), "doctor"
+    with (
+        open_router(endpoint),
+        Bus.dial(endpoint, "doctor", run=run) as here,
+        Bus.dial(endpoint, "doctor", run=run) as there,
+    ):
+        answers = here.inbox(RunEnd)
+        there.subscribe(State, lambda s: there.publish(RunEnd(run, s.tick, "pong", success=True)))
+        took = []
+        for tick in range(PINGS):
+            began = time.perf_counter()
+            here.publish(State(run, tick, np.zeros(64)))
+            try:
+                while answers.get(timeout=1.0).tick != tick:
+                    pass
+            except queue.Empty:
+                if tick > 2:  # the first may be sent before the subscription has spread
+                    return Finding("fail", f"no answer in 1 s through a router on {endpoint}")
+            took.append(time.perf_counter() - began)
+    return Finding("ok", f"round trip {statistics.median(took) * 1e3:.2f} ms through a router")
+
+
+def rerun() -> Finding:
+    """Is the viewer installed."""
+    if find_spec("rerun") is None:
+        return Finding("warn", "no viewer, no .rrd: pip install 'sumo-dist[view]'")
+    importlib.import_module("rerun")
+    return Finding("ok", f"rerun-sdk {importlib.metadata.version('rerun-sdk')}")
+
+
+def rendering() -> Finding:
+    """Can MuJoCo draw without a screen, as films of a run need it."""
+    backend = os.environ.get("MUJOCO_GL", "")
+    if renders(backend):
+        return Finding("ok", f"MuJoCo draws with {backend or 'its default backend'}")
+    working = [other for other in ("egl", "osmesa") if other != backend and renders(other)]
+    if working:
+        return Finding("warn", f"films need `export MUJOCO_GL={working[0]}` on this machine")
+    return Finding("warn", "MuJoCo cannot draw here, so no films: install libegl1 or libosmesa6")
+
+
+def renders(backend: str) -> bool:
+    """Try a rendering backend in a process of its own: a failing one may end it."""
+    environment = {**os.environ, "MUJOCO_GL": backend}
+    command = (sys.executable, "-P", "-c", RENDER)
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, timeout=60, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
+
+
+def cores() -> Finding:
+    """How many cores there are, and who else uses them."""
+    from sumo_dist.bench.report import cores as count
+    from sumo_dist.bench.report import machine
+    from sumo_dist.rollout import engine_identity
+
+    hints = []
+    if (quota := cpu_quota()) is not None and quota < count():
+        hints.append(f"the container may use only {quota:g} of them: set --workers accordingly")
+    if hasattr(os, "getloadavg") and (load := os.getloadavg()[0]) > 0.5 * count():
+        hints.append(f"busy (load {load:.1f}): what is timed below is slower than it could be")
+    if engine_identity()[0] == "fallback" and os.environ.get("OPENBLAS_NUM_THREADS") != "1":
+        hints.append("workers' BLAS threads compete: export OPENBLAS_NUM_THREADS=1")
+    return Finding("warn" if hints else "ok", "; ".join([machine(), *hints]))
+
+
+def cpu_quota() -> float | None:
+    """Cores that a container's quota allows, None without a quota."""
+    try:
+        quota, period = CPU_QUOTA.read_text(encoding="ascii").split()
+        return int(quota) / int(period)
+    except (OSError, ValueError):  # "max", or no such file
+        return None
+
+
+def planning() -> Finding:
+    """How long a plan takes in one process with all cores, and what that allows in realtime."""
+    from sumo_dist.bench.report import cores as count
+    from sumo_dist.policies.fetch import cache_dir
+    from sumo_dist.policies.manifest import pinned_policy
+
+    if not (cache_dir() / pinned_policy("spot").file_name).exists():
+        return Finding("warn", "not timed: the policy is not in the cache yet")
+    plan_ms = statistics.median(plan_times(count()))
+    factor = min(1.0, PLAN_PERIOD_MS / plan_ms)
+    text = f"plans take about {plan_ms:.0f} ms with {count()} threads: realtime factor {factor:.2f}"
+    return Finding("ok" if factor == 1.0 else "warn", text)
+
+
+def plan_times(threads: int) -> list[float]:
+    """Wall times of some plans of default settings [ms]."""
+    from sumo_dist.bench.moment import Moment
+    from sumo_dist.bench.planning import in_process, request
+    from sumo_dist.episode.config import EpisodeConfig
+
+    moment = Moment.load()
+    with in_process(EpisodeConfig(moment.task), threads) as plan:
+        return [plan(request(moment, number)).plan_ms for number in range(1, PLANS + 1)]
+
+
+CHECKS: dict[str, Callable[[], Finding]] = {
+    "python": python,
+    "packages": packages,
+    "engine": engine,
+    "policies": policies,
+    "zenoh": zenoh,
+    "rerun": rerun,
+    "rendering": rendering,
+    "cores": cores,
+    "planning": planning,
+}
