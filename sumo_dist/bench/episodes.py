@@ -62,7 +62,7 @@ class Options:
         planner = replace(PlannerConfig().with_settings(self.set), optimizer=self.optimizer)
         return [
             EpisodeConfig(task, seed, planner, time_limit=self.time_limit, engine=self.engine)
-            for task in dict.fromkeys(self.tasks.split(","))
+            for task in dict.fromkeys(load_task(name).source for name in self.tasks.split(","))
             for seed in range(self.seed0, self.seed0 + self.trials)
         ]
 
@@ -136,14 +136,18 @@ def run_trial(job: Job) -> dict[str, Any]:
 
 
 def outcome(episode: EpisodeConfig, recording: Recording) -> dict[str, Any]:
-    """Return where an episode left off: costs of the last plan [-], object to goal [m]."""
+    """Return where an episode left off: costs of the last plan, and object to goal [m] if any."""
     task = load_task(episode.task)
     referee = Referee(task, compile_model(task.scene, PLANT))
-    last = referee.view(recording.states[-1]).object.pos[0, 0]
     costs = recording.terms[-1].tolist() if recording.terms else []
+    distance = None
+    if task.goal is not None and "object" in task.frames:
+        at = referee.view(recording.states[-1]).object.pos[0, 0]
+        distance = round(float(np.linalg.norm(at - np.array(task.goal))), 4)
     return {
+        "task": episode.task,
         "final_costs": dict(zip(recording.config["terms"], costs, strict=False)),
-        "final_goal_distance_m": round(float(np.linalg.norm(last - np.array(task.goal))), 4),
+        "final_goal_distance_m": distance,
     }
 
 
@@ -180,8 +184,9 @@ def _campaign(todo: Sequence[Job], jobs: int, journal: Journal) -> int:
             _say(f"{place} {name}: its process died")
             continue
         journal.append(row)
-        at_goal = f"object {row['final_goal_distance_m']:.2f} m from its goal"
-        _say(f"{place} {name}: {row['end_reason']} at {row['robot_time_s']:.1f} s, {at_goal}")
+        distance = row["final_goal_distance_m"]
+        left_off = f", object {distance:.2f} m from its goal" if distance is not None else ""
+        _say(f"{place} {name}: {row['end_reason']} at {row['robot_time_s']:.1f} s{left_off}")
     return died
 
 
