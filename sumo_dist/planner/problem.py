@@ -1,10 +1,7 @@
 """A task compiled for planning: model, policy, engine and the hash that names all of it."""
 
-import hashlib
-import inspect
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -12,6 +9,7 @@ import numpy as np
 from sumo_dist.costs.view import ViewLayout
 from sumo_dist.model.scene import ModelOptions, compile_model
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.policies import Policy, load_policy
 from sumo_dist.policies.contract import check
 from sumo_dist.rollout import make_engine
@@ -28,7 +26,7 @@ class Problem:
         model: its planning model.
         policy: the robot's low-level policy.
         layout: where the task's frames lie in rollouts.
-        hash: of the compiled model, the cost's source and weights, and the policy.
+        hash: of the compiled model, the policy, cost table, frames and action space.
     """
 
     task: Task
@@ -57,16 +55,15 @@ def planning_options(config: PlannerConfig) -> ModelOptions:
 
 
 def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
-    digest = hashlib.sha256()
     compiled = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
-    digest.update(compiled.tobytes())
-    digest.update(policy.contract.weights_sha256.encode())
-    sources = set()
-    for term in task.cost:
-        digest.update(f"{term.name} {term.weight!r} {term.reduction}".encode())
-        function = term.function.func if isinstance(term.function, partial) else term.function
-        sources.add(inspect.getsourcefile(function) or "")
-    for source in sorted(filter(None, sources), key=lambda s: Path(s).name):
-        digest.update(Path(source).read_bytes())
-    return digest.hexdigest()[:16]
+    packages = {"sumo_dist", *(_package(term.function) for term in task.cost)}
+    parts = (compiled, policy.contract.weights_sha256, task.cost, task.frames, task.actions)
+    return fingerprint(parts, packages)[:16]
+
+
+def _package(function: object) -> str:
+    """Top-level module of the function inside any partial applications."""
+    while isinstance(function, partial):
+        function = function.func
+    return getattr(function, "__module__", "").partition(".")[0]
