@@ -47,9 +47,10 @@ class Change:
 
 @dataclass
 class _Worker:
+    member: Member
+    refusal: str
     speed: float = 0.1  # rows per ms
     misses: int = 0
-    refusal: str = ""
     asked: float = 0.0  # time.monotonic() of the last request
 
 
@@ -134,15 +135,15 @@ class RemoteEvaluator:
             np.zeros(count, bool),
             np.zeros(count, bool),
         )
+        while not self._inbox.empty():  # who came and went since the last plan
+            self._take(job, self._inbox.get())
         while not job.answered.all():
             if self._stop.is_set():
                 raise Interrupted("told to stop while waiting for rollouts")
             self._assign(job)
             item = self._next(job)
-            if isinstance(item, RolloutReply):
-                self._accept(job, item)
-            elif isinstance(item, Change):
-                self._member(job, item)
+            if item is not None:
+                self._take(job, item)
             elif self._late():
                 break
             else:
@@ -205,9 +206,17 @@ class RemoteEvaluator:
         finally:
             self.waited_s += time.monotonic() - began
 
+    def _take(self, job: _Job, item: RolloutReply | Change) -> None:
+        if isinstance(item, RolloutReply):
+            self._accept(job, item)
+        else:
+            self._member(job, item)
+
     def _accept(self, job: _Job, reply: RolloutReply) -> None:
         """Enter a reply; anything that does not fit what was asked is refused, by name."""
-        worker = self._workers.setdefault(reply.worker, _Worker())
+        worker = self._workers.get(reply.worker)
+        if worker is None:
+            return  # the last words of one that has left
         if worker.misses >= MISSES_TO_BENCH:
             self._tell("info", f"worker {reply.worker} answers again")
         worker.misses = 0
@@ -239,12 +248,14 @@ class RemoteEvaluator:
     def _member(self, job: _Job, change: Change) -> None:
         member = change.member
         if change.alive:
-            self._workers[member.id] = _Worker(refusal=misfit(member, self._build))
-            if refusal := self._workers[member.id].refusal:
+            refusal = misfit(member, self._build)
+            self._workers[member.id] = _Worker(member, refusal)
+            if refusal:
                 self._tell("error", f"worker {member.id} is left out: {refusal}")
             else:
                 self._tell("info", f"worker {member.id} joined")
-        elif self._workers.pop(member.id, None) is not None:
+        elif (known := self._workers.get(member.id)) and known.member == member:
+            del self._workers[member.id]
             self._tell("warning", f"worker {member.id} left")
             self._take_back(job, member.id)
 
