@@ -23,6 +23,11 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))}))
 
 
+def task_source(text: str) -> str:
+    """What `load_task` finds the same task by from any working directory."""
+    return str(Path(text).absolute()) if text.endswith(".py") else text
+
+
 def load_task(source: str) -> Task:
     """Build a task.
 
@@ -35,7 +40,7 @@ def load_task(source: str) -> Task:
         UsageError: there is no such task, or its file or package is at fault.
     """
     if source.endswith(".py"):
-        return _from_file(Path(source).absolute())
+        return _from_file(Path(task_source(source)))
     points = [point for point in entry_points(group=GROUP) if point.name == source]
     if len(points) + (source in _OURS) > 1:
         raise UsageError(f"task {source!r} is defined more than once, also by {points[0].value}")

@@ -27,7 +27,7 @@ class Options:
     """Options of `run`.
 
     Attributes:
-        task: what to do; `sumo-dist list` names all.
+        task: what to do: a name, `sumo-dist list` has all, or a file that defines task() -> Task.
         optimizer: cem, mppi or ps.
         workers: rollout worker processes; 0 plans in this process, without Zenoh. By default one
             for each core.
@@ -70,8 +70,8 @@ class Options:
 
     def folder(self) -> Path:
         """Return where the run is written."""
-        stamp = time.strftime("%Y%m%d-%H%M%S")
-        return self.out or Path("runs", f"{stamp}-{self.task.replace('/', '_')}-{self.seed}")
+        stamp, name = time.strftime("%Y%m%d-%H%M%S"), load_task(self.task).name
+        return self.out or Path("runs", f"{stamp}-{name.replace('/', '_')}-{self.seed}")
 
 
 def main(options: Options) -> int:

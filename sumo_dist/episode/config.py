@@ -8,6 +8,7 @@ from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import ESTIMATORS
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
+from sumo_dist.tasks import task_source
 
 CLOCKS = ("lockstep", "realtime")
 
@@ -17,7 +18,7 @@ class EpisodeConfig:
     """One episode of one task.
 
     Attributes:
-        task: its name.
+        task: its name, or the path of its file, which is made absolute.
         seed: decides the start and all noise.
         planner: the planner's settings.
         clock: "lockstep" or "realtime".
@@ -35,6 +36,7 @@ class EpisodeConfig:
     engine: str = "auto"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "task", task_source(self.task))
         if self.clock not in CLOCKS:
             raise unknown("clock", self.clock, CLOCKS)
         if self.estimator not in ESTIMATORS:
@@ -48,6 +50,7 @@ class EpisodeConfig:
         """Return the resolved config for the recording; `engine` names the one in use."""
         return {
             "task": self.task,
+            "task_name": problem.task.name,
             "robot": problem.task.scene.robot.name,
             "optimizer": self.planner.optimizer,
             "engine": engine,

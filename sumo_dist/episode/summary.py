@@ -46,8 +46,9 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     plan_ms = np.array(recording.plan_ms or [np.nan])
     seconds = max(len(recording.states) - 1, 0) * TICK
     success = ending.reason == "success"
-    identity = ("task", "robot", "optimizer", "engine", "clock", "seed", "config_hash")
+    identity = ("robot", "optimizer", "engine", "clock", "seed", "config_hash")
     return {
+        "task": recording.config["task_name"],
         **{key: recording.config[key] for key in identity},
         "success": success,
         "completion_time_s": round(seconds, 2) if success else None,

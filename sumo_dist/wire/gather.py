@@ -183,7 +183,7 @@ class RemoteEvaluator:
                 iteration=job.iteration,
                 shard=self._shards_sent,
                 start=start,
-                task=self._problem.task.name,
+                task=self._problem.task.source,
                 task_hash=self._problem.hash,
                 build=self._build,
                 settings=self._settings,

@@ -10,7 +10,7 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 
 CONFIG = {
-    "task": "spot/move_box",
+    "task_name": "spot/move_box",
     "robot": "spot",
     "optimizer": "cem",
     "engine": "native-avx2",
@@ -60,7 +60,9 @@ def test_a_solved_run_has_a_completion_time(recording):
     assert summary["success"] is True
     assert summary["completion_time_s"] == summary["robot_time_s"] == 1.0
     assert summary["real_time_factor"] == 0.25
-    assert {key: summary[key] for key in CONFIG} == CONFIG
+    renamed = {"task": CONFIG["task_name"], **CONFIG}
+    del renamed["task_name"]
+    assert {key: summary[key] for key in renamed} == renamed
 
 
 def test_a_run_that_failed_has_none(recording):
