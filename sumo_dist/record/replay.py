@@ -1,18 +1,24 @@
-"""A recording in Rerun: as a file, or opened in a viewer."""
+"""A recording for people: as a Rerun file, in a viewer, as a film."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 
+FILMS = (".gif", ".mp4")
+NO_GRAPHICS = 10  # exit code of the drawing process when there is nothing to draw with
 CANDIDATES_LIMIT = 60_000_000  # [bytes]
 
 
@@ -84,3 +90,76 @@ def reports(recording: Recording) -> Iterator[PlanReport]:
             own_ms=0.0,
             failed=not finite.any(),
         )
+
+
+def show(recording: Recording, viewer: str) -> None:
+    """Show a recording in Rerun until the viewer is closed or this is interrupted.
+
+    Args:
+        recording: what to show.
+        viewer: "web" or "native".
+
+    Raises:
+        SumoError: the viewer cannot be opened, or the `view` extra is not installed.
+    """
+    from sumo_dist.view.viewers import Viewer
+
+    with TemporaryDirectory(prefix="sumo-dist-") as folder:
+        path = Path(folder) / "run.rrd"
+        to_rrd(recording, path)
+        with Viewer(viewer, path) as opened:
+            if opened.address:
+                sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
+            opened.wait()
+
+
+def render(recording: Recording, path: Path) -> None:
+    """Write a film of a recording, drawn by MuJoCo without a display.
+
+    MuJoCo takes its graphics library from the environment when it is imported, so the drawing is
+    done in a process of its own, which gets one that works here.
+
+    Args:
+        recording: what to draw.
+        path: .mp4 or .gif.
+
+    Raises:
+        UsageError: another ending.
+        SumoError: no graphics library works here, the film cannot be written, or the `view` extra
+            is not installed.
+    """
+    import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
+
+    if path.suffix not in FILMS:
+        raise unknown("film format", path.suffix, FILMS)
+    tried = []
+    with TemporaryDirectory(prefix="sumo-dist-") as folder:
+        source = Path(folder) / "run.npz"
+        recording.save(source)
+        for library in _graphics_libraries():
+            done = subprocess.run(
+                [sys.executable, "-m", "sumo_dist.record.film", source, path],
+                env={**os.environ, "MUJOCO_GL": library},
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+            if done.returncode == 0:
+                return
+            reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            if done.returncode != NO_GRAPHICS:
+                raise SumoError(f"cannot write {path}: {reason}")
+            tried.append(f"{library or 'default'} ({reason})")
+    raise SumoError(
+        f"no graphics library to draw with; tried MUJOCO_GL={', '.join(tried)}; "
+        "on Debian: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6"
+    )
+
+
+def _graphics_libraries() -> list[str]:
+    """MUJOCO_GL's values to try; what the user has set is not overruled."""
+    if chosen := os.environ.get("MUJOCO_GL"):
+        return [chosen]
+    if not sys.platform.startswith("linux"):
+        return [""]
+    return ["egl", "osmesa"]

@@ -2,12 +2,14 @@
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.tasks.task import Task
+from sumo_dist.view.marks import elite_count
 
 
 def scene(task: Task, episode: EpisodeConfig) -> str:
     """Explain the 3D view, as Markdown."""
-    planner, chosen = episode.planner, highlighted(episode)
+    planner, chosen = episode.planner, elite_count(episode.planner)
     best = "best future" if chosen == 1 else f"{chosen} best futures"
+    goal = "- **green target**: where the object should come to rest\n" if task.goal else ""
     return f"""\
 ### {task.name}
 20 times a second {task.scene.robot.name.capitalize()} imagines **{planner.rollouts} futures** of
@@ -16,8 +18,7 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
 - **thin lines**: where {" and ".join(task.trails)} go in each future, from cheap (yellow) over
   green and blue to expensive (violet)
 - **white lines**: the {best}
-- **green target**: where the object should come to rest
-- **blue, orange line on the floor**: the way of robot and object so far
+{goal}- **blue, orange line on the floor**: the way of robot and object so far
 """
 
 
@@ -25,8 +26,3 @@ def cost(task: Task) -> str:
     """Return the task's cost table, as Markdown."""
     rows = "\n".join(f"| {t.name} | {t.weight:g} | {t.reduction} |" for t in task.cost)
     return f"| term | weight | over time |\n|---|---|---|\n{rows}\n"
-
-
-def highlighted(episode: EpisodeConfig) -> int:
-    """Number of best candidates that are drawn apart from the others."""
-    return 1 if episode.planner.optimizer == "ps" else episode.planner.elites

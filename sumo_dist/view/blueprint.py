@@ -9,20 +9,21 @@ _AZIMUTH, _ELEVATION = np.deg2rad(-55.0), np.deg2rad(28.0)  # the eye, seen from
 _BACKGROUND = (18, 20, 25)
 
 
-def layout(points: np.ndarray, live: bool, distributed: bool) -> rrb.Blueprint:
+def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb.Blueprint:
     """Arrange the views.
 
     Args:
         points: (N, 3) what the eye should take in at the start, world [m].
-        live: follow the newest data; otherwise play from the start.
+        distance: of the object to its goal at the start [m]; None if there is no object.
         distributed: there are rollout workers to watch.
     """
     plots = [
-        _plot("task", "Object to goal [m]"),
         _plot("cost", "Cost of the candidate plans"),
         _plot("terms", "Cost terms of the current plan"),
         _plot("timing", "Planning time and plan age [ms]"),
     ]
+    if distance is not None:
+        plots.insert(0, _plot("task", "Object to goal [m]", (0.0, 1.2 * distance)))
     if distributed:
         plots.append(_plot("workers", "Rollout workers"))
     scene = rrb.TextDocumentView(origin="about/scene", name="What you see")
@@ -38,9 +39,7 @@ def layout(points: np.ndarray, live: bool, distributed: bool) -> rrb.Blueprint:
         rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 2]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(
-            state="collapsed", timeline=TIMELINE, play_state="following" if live else "playing"
-        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),  # a live run follows, a file plays
         auto_layout=False,
         auto_views=False,
     )
@@ -72,7 +71,10 @@ def frame(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return target + distance * np.array(direction), target
 
 
-def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+def _plot(origin: str, name: str, span: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
-        origin=f"plots/{origin}", name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop)
+        origin=f"plots/{origin}",
+        name=name,
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        axis_y=rrb.ScalarAxis(range=span),
     )

@@ -12,8 +12,9 @@ from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.rollout.interface import TICK, FrameRef
 from sumo_dist.tasks.task import Task
-from sumo_dist.view import about, colors
+from sumo_dist.view import about
 from sumo_dist.view.blueprint import layout
+from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, Color, goal_rings, ranked
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.scene import SceneLog
 
@@ -24,8 +25,16 @@ TRAIL_POINTS = 600  # of an executed trail, one a chunk: the last minute
 PERIOD_MS = 50.0  # robot time between plans
 
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-_ON_FLOOR = 0.01  # height of what is drawn on the floor [m]
-_TRAILS = {"base": colors.BASE_TRAIL, "object": colors.OBJECT_TRAIL}
+_SERIES: tuple[Color, ...] = (  # colours of plots; Okabe and Ito's set, for all kinds of sight
+    (86, 180, 233),
+    (240, 228, 66),
+    (0, 158, 115),
+    (230, 159, 0),
+    (204, 121, 167),
+    (213, 94, 0),
+    (0, 114, 178),
+    (170, 170, 170),
+)
 
 
 class RunLogger:
@@ -41,32 +50,34 @@ class RunLogger:
             distributed: there are rollout workers to watch.
         """
         self._out, self._task, self._distributed = out, task, distributed
-        self._elites = about.highlighted(episode)
+        self._goal = None if task.goal is None else np.array(task.goal)
+        self._planner = episode.planner
         self._model = compile_model(task.scene, PLANT)
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
         self._trails = {
-            name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in _TRAILS if name in task.frames
+            name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in TRAILS if name in task.frames
         }
         self._ticks: list[int] = []
         self._distances: list[float] = []
         self._arranged = False
         self._log_text("about/scene", about.scene(task, episode))
         self._log_text("about/cost", about.cost(task))
-        self._log_goal()
+        if self._goal is not None:
+            self._log_goal(self._goal)
         self._name_plots()
 
     def log_state(self, tick: int, state: np.ndarray) -> None:
         """Log a state (nq + nv,); it is sent with others, see CHUNK_TICKS."""
         self._data.qpos[:] = state[: self._model.nq]
         mujoco.mj_kinematics(self._model, self._data)
-        if not self._arranged:
-            self.arrange(live=True)
         self._scene.add(tick, self._data)
         self._ticks.append(tick)
-        if "object" in self._trails:
-            to_goal = self._position("object") - np.array(self._task.goal)
+        if self._goal is not None and "object" in self._trails:
+            to_goal = self._position("object") - self._goal
             self._distances.append(float(np.linalg.norm(to_goal)))
+        if not self._arranged:
+            self._arrange()
         if len(self._ticks) == CHUNK_TICKS:
             self._send_chunk()
 
@@ -82,10 +93,14 @@ class RunLogger:
         age_ms = report.age_ticks * TICK * 1e3
         self._plot("timing", tick, [report.plan_ms, budget_ms, age_ms])
         if self._distributed:
-            self._plot("workers", tick, [report.workers, report.lost, report.reissued])
+            self._plot("workers/rollouts", tick, [report.lost, report.reissued])
         if report.failed:
             text = f"plan {report.plan.number} failed: no candidate has a finite cost"
             self.log_event(tick, "warning", text)
+
+    def log_workers(self, tick: int, alive: int) -> None:
+        """Log how many rollout workers there are."""
+        self._plot("workers/alive", tick, [alive])
 
     def log_candidates(self, tick: int, costs: np.ndarray, traces: np.ndarray) -> None:
         """Log the futures that a plan was chosen from.
@@ -95,19 +110,16 @@ class RunLogger:
             costs: (B,) +inf where there is no rollout.
             traces: (B, F, P, 3) paths of the task's trail frames, world [m].
         """
-        order = np.argsort(costs, kind="stable")
-        order = order[np.isfinite(costs[order])]
-        elites, others = order[: self._elites], order[self._elites :][::-1]  # best drawn last
-        shades = colors.cost_colors(costs[order])[::-1]
-        frames = traces.shape[1]
+        elites, others, shades = ranked(costs, self._planner)
+        _, frames, points, _ = traces.shape
         samples = rr.LineStrips3D(
-            traces[others].reshape(-1, *traces.shape[2:]),
-            colors=np.repeat(shades[: len(others)], frames, axis=0),
+            traces[others].reshape(len(others) * frames, points, 3),
+            colors=np.repeat(shades, frames, axis=0),
             radii=rr.Radius.ui_points(0.6),
         )
         best = rr.LineStrips3D(
-            traces[elites].reshape(-1, *traces.shape[2:]),
-            colors=[colors.ELITE],
+            traces[elites].reshape(len(elites) * frames, points, 3),
+            colors=[ELITE],
             radii=rr.Radius.ui_points(1.3),
         )
         self._out.log("world/plan/samples", samples, tick=tick)
@@ -122,12 +134,6 @@ class RunLogger:
         self._send_chunk()
         self._out.flush()
 
-    def arrange(self, live: bool) -> None:
-        """Lay out the viewer around the state logged last."""
-        points = [self._position(name) for name in self._trails]
-        self._out.arrange(layout(np.array([*points, self._task.goal]), live, self._distributed))
-        self._arranged = True
-
     def _send_chunk(self) -> None:
         if not self._ticks:
             return
@@ -135,12 +141,21 @@ class RunLogger:
         if self._distances:
             self._out.send("plots/task", self._ticks, rr.Scalars.columns(scalars=self._distances))
         for name, trail in self._trails.items():
-            trail.append(np.append(self._position(name)[:2], _ON_FLOOR))
+            trail.append(np.append(self._position(name)[:2], ON_FLOOR))
             strip = rr.LineStrips3D(
-                [np.array(trail)], colors=[_TRAILS[name]], radii=rr.Radius.ui_points(2.0)
+                [np.array(trail)], colors=[TRAILS[name]], radii=rr.Radius.ui_points(2.0)
             )
             self._out.log(f"world/trail/{name}", strip, tick=self._ticks[-1])
         self._ticks, self._distances = [], []
+
+    def _arrange(self) -> None:
+        """Lay out the viewer around where everything starts."""
+        points = [self._position(name) for name in self._trails]
+        if self._goal is not None:
+            points.append(self._goal)
+        distance = self._distances[0] if self._distances else None
+        self._out.arrange(layout(np.array(points), distance, self._distributed))
+        self._arranged = True
 
     def _position(self, name: str) -> np.ndarray:
         ref: FrameRef = self._task.frames[name]
@@ -159,23 +174,16 @@ class RunLogger:
             "cost": ["current plan", "best candidate", "mean of all"],
             "terms": [term.name for term in self._task.cost],
             "timing": ["planning time", "budget", "age of the plan's state"],
-            "workers": ["workers alive", "rollouts lost", "rollouts sent twice"],
+            "workers/alive": ["workers alive"],
+            "workers/rollouts": ["rollouts lost", "rollouts sent twice"],
         }.items():
-            lines = rr.SeriesLines(names=names, colors=colors.SERIES[: len(names)])
+            shades = _SERIES[1:] if plot == "workers/rollouts" else _SERIES
+            lines = rr.SeriesLines(names=names, colors=shades[: len(names)])
             self._out.log(f"plots/{plot}", lines)
 
-    def _log_goal(self) -> None:
-        """Draw rings on the floor and a post up to the goal."""
-        goal = np.array(self._task.goal)
-        angles = np.linspace(0.0, 2 * np.pi, 49)
-        circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(49)], axis=1)
-        foot = np.array([goal[0], goal[1], _ON_FLOOR])
-        rings = [foot + radius * circle for radius in (0.1, 0.25, 0.4)]
-        self._out.log(
-            "world/goal/rings",
-            rr.LineStrips3D(rings, colors=[colors.GOAL], radii=rr.Radius.ui_points(2.0)),
-        )
-        self._out.log(
-            "world/goal/point",
-            rr.Points3D([goal], colors=[colors.GOAL], radii=[0.04], labels=["goal"]),
-        )
+    def _log_goal(self, goal: np.ndarray) -> None:
+        """Draw the goal, and rings on the floor below it."""
+        rings = rr.LineStrips3D(goal_rings(goal), colors=[GOAL], radii=rr.Radius.ui_points(2.0))
+        self._out.log("world/goal/rings", rings)
+        point = rr.Points3D([goal], colors=[GOAL], radii=[0.04], labels=["goal"])
+        self._out.log("world/goal/point", point)

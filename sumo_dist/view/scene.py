@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from sumo_dist.view.colors import GROUND
 from sumo_dist.view.outputs import Outputs
 
 VISIBLE_GROUPS = 3  # geom groups 0, 1, 2 are drawn, as in MuJoCo's own viewer; 3 is collision
+GROUND = (66, 72, 83)
 _NO_COLOR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's default: the material decides
 _Geom = mujoco.mjtGeom
 

@@ -1,0 +1,277 @@
+"""Shows a run in Rerun, live and as DIR/run.rrd. The only service that talks to Rerun.
+
+It only listens: nothing waits for it, and whatever fails in here is told once and harms nobody.
+"""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.errors import SumoError
+from sumo_dist.planner.report import PlanReport
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import BY_HAND, Member
+from sumo_dist.wire.messages import Event, Message, PlanMessage, RunEnd, State, Status, Traces
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not have it
+    from sumo_dist.view.run_logger import Level, RunLogger
+    from sumo_dist.view.viewers import Viewer
+
+BACKLOG = 2000  # messages; some ten seconds of a run
+PATIENCE = 4  # plans by which candidates' paths may lag behind their costs
+
+_PERIOD_MS = 50.0  # robot time between plans
+_IDLE_S = 0.2
+_LAST_WORDS_S = 1.0  # how long messages are still taken after the stop
+
+_log = logging.getLogger("sumo_dist.tracer")
+
+
+@dataclass(frozen=True)
+class TracerOptions:
+    """A tracer.
+
+    Attributes:
+        episode: what is run.
+        out: folder for run.rrd.
+        connect: the router's endpoint.
+        robot: whose run to show.
+        run: id of the run; others' messages are dropped.
+        viewer: "web", "native" or "none".
+        linger: keep the viewer after the run, until told to stop or it is closed.
+    """
+
+    episode: EpisodeConfig
+    out: Path = Path("runs", BY_HAND)
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    run: str = BY_HAND
+    viewer: str = "web"
+    linger: bool = False
+
+
+@dataclass(frozen=True)
+class Presence:
+    """A rollout worker has come or gone."""
+
+    member: Member
+    alive: bool
+
+
+class Backlog:
+    """What is still to be shown. When it is full the oldest is dropped: senders never wait."""
+
+    def __init__(self, limit: int = BACKLOG) -> None:
+        """Start empty."""
+        self.dropped = 0
+        self._items: deque[Message | Presence] = deque(maxlen=limit)
+        self._changed = threading.Condition()
+
+    def put(self, item: Message | Presence) -> None:
+        """Append, at the cost of the oldest."""
+        with self._changed:
+            self.dropped += len(self._items) == self._items.maxlen
+            self._items.append(item)
+            self._changed.notify()
+
+    def get(self, timeout: float) -> Message | Presence | None:
+        """Return the oldest; None if there is nothing for `timeout` [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._items, timeout)
+            return self._items.popleft() if self._items else None
+
+
+class Candidates:
+    """Joins a plan's costs with its candidates' paths, which come in shards from the workers."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._plans: dict[int, PlanReport] = {}
+        self._shards: dict[int, list[Traces]] = {}
+
+    def add_shard(self, shard: Traces) -> None:
+        """Take paths of some candidates of a plan."""
+        self._shards.setdefault(shard.number, []).append(shard)
+        for number in sorted(self._shards)[: -4 * PATIENCE]:  # of plans that never came
+            del self._shards[number]
+
+    def add_plan(self, report: PlanReport) -> None:
+        """Take a plan's costs."""
+        self._plans[report.plan.number] = report
+
+    def ready(self) -> Iterator[tuple[PlanReport, np.ndarray, np.ndarray]]:
+        """Yield each plan whose paths are there, or will hardly come any more, once.
+
+        With it come costs (B,), +inf where a candidate has no path or no cost, and paths
+        (B, F, P, 3).
+        """
+        for number in sorted(self._plans):
+            report = self._plans[number]
+            drawn, paths = _assemble(len(report.costs), self._shards.get(number, []))
+            late = max(self._plans) - number >= PATIENCE
+            if late or drawn[report.finite].all():
+                del self._plans[number]
+                self._shards.pop(number, None)
+                if drawn.any():
+                    yield report, np.where(drawn & report.finite, report.costs, np.inf), paths
+
+
+def _assemble(rollouts: int, shards: list[Traces]) -> tuple[np.ndarray, np.ndarray]:
+    """Return which candidates have paths, (B,), and all paths, (B, F, P, 3)."""
+    drawn = np.zeros(rollouts, bool)
+    if not shards:
+        return drawn, np.empty(0)
+    paths = np.zeros((rollouts, *shards[0].traces.shape[1:]), np.float32)
+    for shard in shards:
+        rows = slice(shard.start, shard.start + len(shard.traces))
+        if rows.stop <= rollouts and shard.traces.shape[1:] == paths.shape[1:]:
+            paths[rows], drawn[rows] = shard.traces, True
+    return drawn, paths
+
+
+class Tracer:
+    """Turns messages into what is seen."""
+
+    def __init__(self, logger: "RunLogger", iterations: int) -> None:
+        """Write to a logger; of each plan, the last of `iterations` is shown."""
+        self.ended = False
+        self._logger = logger
+        self._iterations = iterations
+        self._candidates = Candidates()
+        self._workers: set[Member] = set()
+        self._tick = -1
+        self._plan = -1
+        self._budget_ms = _PERIOD_MS
+        self._failures = 0
+
+    def show(self, item: Message | Presence) -> None:
+        """Show one message; one that cannot be shown is left out and the first of them told."""
+        try:
+            self._show(item)
+        except Exception as error:
+            self._failures += 1
+            if self._failures == 1:
+                _log.warning(
+                    "cannot show a %s (further ones are left out silently): %s",
+                    type(item).__name__,
+                    error,
+                )
+
+    def flush(self) -> None:
+        """Bring viewer and file up to date."""
+        try:
+            self._logger.flush()
+        except RuntimeError as error:
+            _log.warning("the viewer cannot be brought up to date: %s", error)
+
+    def _show(self, item: Message | Presence) -> None:
+        match item:
+            case State() if item.tick > self._tick:
+                self._tick = item.tick
+                self._logger.log_state(item.tick, item.state)
+            case Status():
+                realtime = item.clock == "realtime" and item.speed > 0
+                self._budget_ms = _PERIOD_MS / item.speed if realtime else _PERIOD_MS
+            case PlanMessage() if item.plan.number != self._plan:  # in lockstep, some come twice
+                self._plan = item.plan.number
+                self._logger.log_plan(item.report, self._budget_ms)
+                self._logger.log_workers(item.plan.tick, len(self._workers))
+                self._candidates.add_plan(item.report)
+                self._show_candidates()
+            case Traces() if item.iteration == self._iterations - 1:
+                self._candidates.add_shard(item)
+                self._show_candidates()
+            case Event():
+                self._event(item.level, f"{item.source}: {item.text}")
+            case Presence():
+                self._presence(item)
+            case RunEnd():
+                self.ended = True
+                self._event(
+                    "info" if item.success else "warning", f"the run has ended: {item.reason}"
+                )
+
+    def _show_candidates(self) -> None:
+        for report, costs, paths in self._candidates.ready():
+            self._logger.log_candidates(report.plan.tick, costs, paths)
+
+    def _presence(self, item: Presence) -> None:
+        if item.alive:
+            self._workers.add(item.member)
+        else:
+            self._workers.discard(item.member)
+        self._logger.log_workers(max(self._tick, 0), len(self._workers))
+
+    def _event(self, level: "Level", text: str) -> None:
+        self._logger.log_event(max(self._tick, 0), level, text)
+
+
+def run(options: TracerOptions, stop: threading.Event) -> None:
+    """Show a run until it ends or this is told to stop.
+
+    Raises:
+        SumoError: there is no router, or the `view` extra is not installed.
+    """
+    from sumo_dist.view.outputs import Outputs
+    from sumo_dist.view.rrd_file import RrdFile
+    from sumo_dist.view.run_logger import RunLogger
+    from sumo_dist.view.viewers import SERVER_PORT, free_port
+
+    file = RrdFile(options.out / "run.rrd", _log.warning)
+    port = None if options.viewer == "none" else free_port(SERVER_PORT)
+    backlog = Backlog()
+    with ExitStack() as stack:
+        out = stack.enter_context(Outputs(options.run, file, port))
+        viewer = stack.enter_context(_open_viewer(options.viewer, out.url))
+        logger = RunLogger(out, load_task(options.episode.task), options.episode, distributed=True)
+        tracer = Tracer(logger, options.episode.planner.iterations)
+        with Bus.dial(options.connect, options.robot, run=options.run) as bus:
+            for kind in (State, Status, PlanMessage, Traces, Event, RunEnd):
+                bus.subscribe(kind, backlog.put)
+            bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
+            _follow(tracer, backlog, stop)
+        if backlog.dropped:
+            _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
+        while options.linger and viewer.running() and not stop.wait(_IDLE_S):
+            pass
+
+
+def _follow(tracer: Tracer, backlog: Backlog, stop: threading.Event) -> None:
+    """Show messages until the run has ended and all is shown."""
+    stopped = None
+    while stopped is None or time.monotonic() < stopped + _LAST_WORDS_S:
+        if stopped is None and stop.is_set():
+            stopped = time.monotonic()
+        item = backlog.get(_IDLE_S)
+        if item is not None:
+            tracer.show(item)
+            continue
+        tracer.flush()
+        if tracer.ended or stop.is_set():
+            return
+    tracer.flush()
+
+
+def _open_viewer(kind: str, url: str | None) -> "Viewer":
+    """Open a viewer; without one the run is still recorded."""
+    from sumo_dist.view.viewers import Viewer
+
+    try:
+        viewer = Viewer(kind, url or "")
+    except SumoError as error:
+        _log.warning("%s; the run goes on and is recorded", error)
+        return Viewer("none", "")
+    if viewer.address:
+        _log.info("watch the run at %s", viewer.address)
+    return viewer

@@ -1,0 +1,67 @@
+"""What is drawn into the scene, in Rerun and in films: colours, goal rings, candidates in order."""
+
+import numpy as np
+
+from sumo_dist.planner.config import PlannerConfig
+
+Color = tuple[int, int, int]
+
+ELITE: Color = (255, 255, 255)
+GOAL: Color = (64, 224, 140)
+TRAILS: dict[str, Color] = {"base": (96, 190, 255), "object": (255, 138, 60)}  # frame -> its way
+ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]
+
+_RING_RADII = (0.1, 0.25, 0.4)  # [m]
+
+# Viridis at equal steps: perceptually uniform, legible in grey and to the colour-blind.
+_VIRIDIS = np.array(
+    [
+        (68, 1, 84),
+        (72, 40, 120),
+        (62, 74, 137),
+        (49, 104, 142),
+        (38, 130, 142),
+        (31, 158, 137),
+        (53, 183, 121),
+        (109, 205, 89),
+        (180, 222, 44),
+        (253, 231, 37),
+    ],
+    float,
+)
+
+
+def goal_rings(goal: np.ndarray) -> np.ndarray:
+    """Return closed lines around the foot of a goal (3,), (rings, P, 3), world [m]."""
+    angles = np.linspace(0.0, 2 * np.pi, 49)
+    circle = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    foot = np.array([goal[0], goal[1], ON_FLOOR])
+    return foot + np.array(_RING_RADII)[:, None, None] * circle
+
+
+def elite_count(planner: PlannerConfig) -> int:
+    """Return how many of the best are drawn apart."""
+    return 1 if planner.optimizer == "ps" else planner.elites
+
+
+def ranked(costs: np.ndarray, planner: PlannerConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rank a plan's candidates.
+
+    Colours go by rank, not by value: one that went wrong must not push all others into one colour.
+
+    Args:
+        costs: (B,) +inf where there is nothing to draw.
+        planner: its settings decide how many are elites.
+
+    Returns:
+        Indices of the elites, best first; indices of the others, worst first, so that the better
+        are drawn over the worse; and the others' colours, (others, 3) uint8, from bright yellow
+        (cheap) to dark violet.
+    """
+    order = np.argsort(costs, kind="stable")
+    order = order[np.isfinite(costs[order])]
+    count = elite_count(planner)
+    at = np.linspace(len(_VIRIDIS) - 1, 0, len(order))[count:][::-1]
+    steps = np.arange(len(_VIRIDIS))
+    channels = [np.interp(at, steps, channel) for channel in _VIRIDIS.T]
+    return order[:count], order[count:][::-1], np.stack(channels, axis=1).round().astype(np.uint8)
