@@ -76,7 +76,9 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
                     recording,
                 )
             else:
-                speed = options.speed or calibrate(plant, controller.initial_memory(), link)
+                # With a given speed too: it waits until everybody is there.
+                fitting = calibrate(plant, controller.initial_memory(), link)
+                speed = options.speed or fitting
                 tell("info", f"realtime at {speed:.3f} of the wall clock")
                 began = time.monotonic()
                 reason = RealtimeLoop(

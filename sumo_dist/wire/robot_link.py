@@ -9,7 +9,7 @@ import numpy as np
 
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.estimate.readings import Readings
-from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.bus import Bus
@@ -94,11 +94,14 @@ class RobotLink:
             return None if self._state is None else (self._state.tick, self._state.state)
 
     def new_plans(self) -> list[PlanReport]:
-        """Return the plans that came since the last call, oldest first."""
+        """Return the plans that came since the last call, oldest first.
+
+        Late answers to the calibration are left out: its plans are all of tick 0.
+        """
         with self._arrived:
             plans = [self._plans[number] for number in sorted(self._plans)]
             self._plans.clear()
-            return plans
+        return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
 
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
         began, noticed = time.monotonic(), False
