@@ -43,6 +43,9 @@ COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
+    "task check": Command(
+        "Say whether a task is fit to be planned for", "sumo_dist.commands.task_check"
+    ),
     "doctor": Command(
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
@@ -71,6 +74,7 @@ COMMANDS = {
         "tracer",
     ),
 }
+GROUPS = {name.split()[0] for name in COMMANDS if " " in name}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -85,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not args or args[0] in ("-h", "--help"):
         print(_overview())
         return 0 if args else 2
-    name = " ".join(args[:2]) if args[0] == "bench" else args[0]
+    name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
     try:
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
