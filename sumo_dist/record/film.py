@@ -20,12 +20,13 @@ from sumo_dist.tasks.task import Task
 from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, goal_rings, ranked
 
 FPS = {".mp4": 25.0, ".gif": 12.5}
-SIZE = {".mp4": (1280, 720), ".gif": (640, 360)}  # [pixels]
+SIZE = {".mp4": (960, 544), ".gif": (640, 360)}  # [pixels]
 
 _FOLLOW_S = 3.0  # the camera's path is averaged over this long
 _AZIMUTH, _ELEVATION = 125.0, -24.0  # of the line of sight [deg]
 _TRAIL_TICKS = 10  # between points of a trail
 
+_LIGHT = 1.6  # how bright the scene's lights make a line
 _LINE = mujoco.mjtGeom.mjGEOM_LINE
 
 
@@ -38,6 +39,7 @@ class _Artist:
         task = load_task(recording.config["task"])
         self._goal = task.goal
         self._model = compile_model(task.scene, PLANT)
+        self._model.vis.quality.shadowsize = 2048  # half as sharp, for drawing without a GPU
         self._data = mujoco.MjData(self._model)
         self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])
         self._trails = _trails(task, self._model, recording.states)
@@ -61,7 +63,7 @@ class _Artist:
         for name, path in self._trails.items():
             ground = path[: tick + 1 : _TRAIL_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR]
             self._draw_line(ground, TRAILS[name], 4.0)
-        if self._recording.traces:
+        if self._recording.traces and self._plans[tick] >= 0:
             self._draw_candidates(self._plans[tick])
         return self._renderer.render()
 
@@ -77,14 +79,13 @@ class _Artist:
     def _draw_line(self, points: np.ndarray, color: ArrayLike, width: float) -> None:
         """Draw a line through (P, 3), `width` pixels wide, as far as the picture can hold it."""
         scene = self._renderer.scene
-        rgba = np.append(np.asarray(color) / 255, 1.0).astype(np.float32)
+        rgba = np.append(np.asarray(color) / 255 / _LIGHT, 1.0).astype(np.float32)
         for start, end in pairwise(points):
             if scene.ngeom >= scene.maxgeom:
                 return
             geom = scene.geoms[scene.ngeom]
             mujoco.mjv_initGeom(geom, _LINE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
             mujoco.mjv_connector(geom, _LINE, width, start, end)
-            geom.emission = 0.3  # lines have no shaded side
             scene.ngeom += 1
 
 
@@ -106,7 +107,7 @@ def _camera_path(
     seen = np.stack(paths if goal is None else [*paths, np.broadcast_to(goal, paths[0].shape)])
     low, high = seen.min(axis=0), seen.max(axis=0)
     span = np.linalg.norm(high - low, axis=1, keepdims=True)
-    return _smoothed((low + high) / 2), _smoothed(1.8 + 0.8 * span)[:, 0]
+    return _smoothed((low + high) / 2), _smoothed(1.6 + 0.75 * span)[:, 0]
 
 
 def _smoothed(path: np.ndarray) -> np.ndarray:
@@ -125,7 +126,7 @@ def _draw_film(source: Path, path: Path) -> int:
     except Exception as error:  # every graphics library fails in its own way
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         return NO_GRAPHICS
-    settings: dict[str, Any] = {"quality": 8} if path.suffix == ".mp4" else {"loop": 0}
+    settings: dict[str, Any] = {"quality": 7} if path.suffix == ".mp4" else {"loop": 0}
     ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))
     with imageio.get_writer(path, fps=FPS[path.suffix], **settings) as film:
         for i, tick in enumerate(ticks):

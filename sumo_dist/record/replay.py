@@ -148,7 +148,7 @@ def render(recording: Recording, path: Path) -> None:
                 return
             reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
             if done.returncode != NO_GRAPHICS:
-                raise SumoError(f"cannot write {path}: {reason}")
+                raise SumoError(f"cannot render {path}: {reason}")
             tried.append(f"{library or 'default'} ({reason})")
     raise SumoError(
         f"no graphics library to draw with; tried MUJOCO_GL={', '.join(tried)}; "

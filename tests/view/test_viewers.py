@@ -1,0 +1,71 @@
+import socket
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+import rerun as rr
+
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.view.outputs import Outputs
+from sumo_dist.view.rrd_file import RrdFile
+from sumo_dist.view.viewers import Viewer, free_port
+
+
+def page(address):
+    """Fetch a page, waiting for its server to come up."""
+    for _ in range(50):
+        try:
+            with urllib.request.urlopen(address, timeout=2) as response:
+                return response.read()
+        except urllib.error.URLError:
+            time.sleep(0.1)
+    raise AssertionError(f"nobody answers at {address}")
+
+
+def test_a_file_is_shown_in_the_browser_and_nothing_is_left_behind(tmp_path):
+    with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
+        out.log("seen", rr.Scalars(1.0), tick=0)
+    with Viewer("web", tmp_path / "run.rrd") as viewer:
+        assert viewer.address is not None
+        assert b"<html" in page(viewer.address)
+        assert viewer.running()
+        port = int(viewer.address.split(":")[2].split("/")[0])
+        with socket.socket() as probe, pytest.raises(OSError, match="refused"):
+            probe.connect(("127.0.0.2", port))  # it listens on 127.0.0.1 alone
+    assert not viewer.running()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(viewer.address, timeout=2)
+
+
+def test_a_live_server_is_what_the_page_connects_to():
+    with (
+        Outputs("test", port=free_port(9876)) as out,
+        Viewer("web", out.url or "") as viewer,
+    ):
+        assert out.url is not None and out.url.startswith("rerun+http://127.0.0.1:")
+        assert viewer.address is not None
+        port = out.url.split(":")[2].split("/")[0]
+        assert viewer.address.endswith(f"url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{port}%2Fproxy")
+        assert b"<html" in page(viewer.address)
+
+
+def test_a_taken_port_is_avoided():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert free_port(port) != port
+
+
+def test_a_window_needs_a_display(monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(SumoError, match=r"no display.*--viewer web"):
+        Viewer("native", "run.rrd")
+
+
+def test_an_unknown_viewer_names_those_there_are():
+    with pytest.raises(UsageError, match="native, none, web"):
+        Viewer("holodeck", "run.rrd")
