@@ -107,7 +107,7 @@ def _camera_path(
     seen = np.stack(paths if goal is None else [*paths, np.broadcast_to(goal, paths[0].shape)])
     low, high = seen.min(axis=0), seen.max(axis=0)
     span = np.linalg.norm(high - low, axis=1, keepdims=True)
-    return _smoothed((low + high) / 2), _smoothed(1.6 + 0.75 * span)[:, 0]
+    return _smoothed((low + high) / 2), _smoothed(1.9 + 0.75 * span)[:, 0]
 
 
 def _smoothed(path: np.ndarray) -> np.ndarray:
