@@ -7,6 +7,8 @@ from pathlib import Path
 
 from sumo_dist.wire.session import DEFAULT_ENDPOINT, open_router
 
+WAKE_S = 0.2  # a signal that another thread received is noticed when this one wakes
+
 _log = logging.getLogger(__name__)
 
 
@@ -24,7 +26,9 @@ def serve(
     """
     with open_router(listen, config):
         _log.info("router listening on %s", listen)
-        (stop or threading.Event()).wait()
+        stop = stop or threading.Event()
+        while not stop.wait(WAKE_S):
+            pass
 
 
 def run(listen: str = DEFAULT_ENDPOINT, config: Path | None = None) -> None:
