@@ -17,7 +17,7 @@ class Options:
     Attributes:
         run: folder that a run was written to.
         viewer: show it in Rerun: native or web.
-        render: write a film to this file instead, .mp4 or .gif.
+        render: write a film to this file instead, .mp4 or .gif, or a strip of pictures, .jpg.
     """
 
     run: Annotated[Path, tyro.conf.Positional]
@@ -31,8 +31,9 @@ def main(options: Options) -> int:
     from sumo_dist.record import replay  # needs the view extra
 
     if options.render is not None:
-        if options.render.suffix not in (".mp4", ".gif"):
-            raise UsageError(f"cannot render {options.render.name}; valid endings: .gif, .mp4")
+        if options.render.suffix not in replay.FILMS:
+            valid = ", ".join(replay.FILMS)
+            raise UsageError(f"cannot render {options.render.name}; valid endings: {valid}")
         replay.render(recording, options.render)
         print(f"wrote {options.render}")
     else:

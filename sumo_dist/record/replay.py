@@ -17,7 +17,7 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 
-FILMS = (".gif", ".mp4")
+FILMS = (".gif", ".jpg", ".mp4")
 NO_GRAPHICS = 10  # exit code of the drawing process when there is nothing to draw with
 CANDIDATES_LIMIT = 60_000_000  # [bytes]
 
@@ -121,7 +121,7 @@ def render(recording: Recording, path: Path) -> None:
 
     Args:
         recording: what to draw.
-        path: .mp4 or .gif.
+        path: .mp4, .gif, or .jpg for a strip of a few pictures from start to end.
 
     Raises:
         UsageError: another ending.

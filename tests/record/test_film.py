@@ -36,8 +36,20 @@ def test_robot_and_goal_are_in_every_picture_and_the_picture_changes(film):
     assert changed.sum() > 200
 
 
+def test_a_strip_has_the_start_on_its_left_and_the_end_on_its_right(short_run, film, tmp_path):
+    path = tmp_path / "strip.jpg"
+    render(short_run, path)
+    strip = imageio.imread(path)
+    assert strip.shape == (175, 6 * 280, 3)
+    pictures = np.split(strip.astype(int), 6, axis=1)
+    assert all(shows(picture, (250, 190, 20), 60) > 20 for picture in pictures)
+    steps = [np.abs(a - pictures[0]).mean() for a in pictures]
+    assert steps[0] == 0
+    assert min(steps[1:]) > 0.2
+
+
 def test_an_unknown_format_names_those_there_are(short_run, tmp_path):
-    with pytest.raises(UsageError, match=r"\.gif, \.mp4"):
+    with pytest.raises(UsageError, match=r"\.gif, \.jpg, \.mp4"):
         render(short_run, tmp_path / "run.avi")
 
 
