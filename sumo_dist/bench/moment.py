@@ -14,7 +14,7 @@ from sumo_dist.errors import SumoError
 from sumo_dist.math import splines
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
-from sumo_dist.optim import Belief, noise_ramp, sample
+from sumo_dist.optim import noise_ramp
 from sumo_dist.record.recording import Recording
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
@@ -86,9 +86,16 @@ class Moment:
         path.write_text(json.dumps({**asdict(self), **arrays}, indent=1) + "\n", encoding="utf-8")
 
     def commands(self, rollouts: int) -> np.ndarray:
-        """Sample policy commands (B, T, nc) around the plan with the paper's noise ramp."""
-        belief = Belief(self.knots, noise_ramp(0.02, 0.6, *self.knots.shape))
-        knots = sample(belief, rollouts, np.random.Generator(np.random.Philox(NOISE_SEED)))
+        """Sample policy commands (B, T, nc) around the plan, the plan's own first.
+
+        The noise is the paper's and drawn here: what is timed must not change with the planner.
+        """
+        noise = np.random.Generator(np.random.Philox(NOISE_SEED)).standard_normal(
+            (rollouts, *self.knots.shape)
+        )
+        noise[0] = 0.0
+        sigma = noise_ramp(0.02, 0.6, *self.knots.shape)
+        knots = np.clip(self.knots + sigma * noise, -1.0, 1.0)
         times = np.arange(round(self.horizon / TICK)) * TICK
         weights = splines.weights(self.spline, len(self.knots), self.horizon, times)
         return load_task(self.task).actions.commands(splines.evaluate(weights, knots))
