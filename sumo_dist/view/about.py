@@ -11,9 +11,8 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     best = "best future" if chosen == 1 else f"{chosen} best futures"
     goal = "- **green target**: where the object should come to rest\n" if task.goal else ""
     return f"""\
-### {task.name}
-20 times a second {task.scene.robot.name.capitalize()} imagines **{planner.rollouts} futures** of
-{planner.horizon:g} s, scores them, and follows the best it found
+**{task.name}**: 20 times a second {task.scene.robot.name.capitalize()} imagines
+**{planner.rollouts} futures** of {planner.horizon:g} s, scores them, and follows the best it found
 ({planner.optimizer.upper()}, seed {episode.seed}, {episode.clock} clock).
 - **thin lines**: where {" and ".join(task.trails)} go in each future, from cheap (yellow) over
   green and blue to expensive (violet)

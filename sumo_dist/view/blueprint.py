@@ -33,7 +33,7 @@ def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb
     left = rrb.Vertical(
         _scene(points),
         rrb.Horizontal(scene, cost, events, column_shares=[5, 3, 4]),
-        row_shares=[5, 2],
+        row_shares=[9, 4],
     )
     return rrb.Blueprint(
         rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 2]),
@@ -76,5 +76,5 @@ def _plot(origin: str, name: str, span: tuple[float, float] | None = None) -> rr
         origin=f"plots/{origin}",
         name=name,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-        axis_y=rrb.ScalarAxis(range=span),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
     )

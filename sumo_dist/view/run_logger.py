@@ -25,15 +25,15 @@ TRAIL_POINTS = 600  # of an executed trail, one a chunk: the last minute
 PERIOD_MS = 50.0  # robot time between plans
 
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-_SERIES: tuple[Color, ...] = (  # colours of plots; Okabe and Ito's set, for all kinds of sight
-    (86, 180, 233),
-    (240, 228, 66),
-    (0, 158, 115),
-    (230, 159, 0),
-    (204, 121, 167),
-    (213, 94, 0),
-    (0, 114, 178),
-    (170, 170, 170),
+_SERIES: tuple[Color, ...] = (  # colours of plots, legible on dark and on light
+    (66, 146, 214),
+    (238, 130, 50),
+    (44, 160, 112),
+    (204, 96, 160),
+    (148, 118, 200),
+    (200, 160, 40),
+    (214, 70, 70),
+    (130, 130, 130),
 )
 
 
