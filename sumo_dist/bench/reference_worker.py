@@ -41,18 +41,20 @@ def one_round(
     memories: np.ndarray,
     substeps: int,
 ) -> Answer:
-    """Time one call as the reference's planner makes it, but for its wall-clock cutoff.
+    """Time one call as the reference's own wrapper makes it, but for its wall-clock cutoff.
 
     It wants a thread a rollout: with fewer it silently returns fewer rollouts.
     """
     from sumo_dist.bench.variant import timed
 
-    wall_ms, cpu_ms, (states, _, _) = timed(
-        lambda: backend.threaded_rollout(
+    def call() -> tuple[np.ndarray, ...]:
+        results = backend.threaded_rollout(
             systems, starts, commands, memories, len(systems), substeps, float("inf")
         )
-    )
-    return {"wall_ms": wall_ms, "cpu_ms": cpu_ms, "final": np.array(states)[:, -1].tolist()}
+        return tuple(np.array(result) for result in results)  # states, sensors, memories
+
+    wall_ms, cpu_ms, (states, *_) = timed(call)
+    return {"wall_ms": wall_ms, "cpu_ms": cpu_ms, "final": states[:, -1].tolist()}
 
 
 def compile_without_visuals(task: str, timestep: float, density: float) -> mujoco.MjModel:
