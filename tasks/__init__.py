@@ -3,10 +3,9 @@
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from sumo_dist.errors import SumoError, UsageError, unknown
@@ -55,11 +54,10 @@ def _from_file(path: Path) -> Task:
     where = f"task file {path}"
     if not path.is_file():
         raise UsageError(f"{where} does not exist on this host")
-    loader = SourceFileLoader(f"sumo_dist_task_{path.stem}", str(path))
-    spec = spec_from_loader(loader.name, loader)
-    assert spec is not None, "the loader knows its file"
-    module = sys.modules[loader.name] = module_from_spec(spec)  # dataclasses look it up there
-    _guarded(where, lambda: loader.exec_module(module))
+    module = ModuleType(f"sumo_dist_task_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses and inspect look it up there
+    _guarded(where, lambda: exec(compile(path.read_bytes(), path, "exec"), vars(module)))
     build = getattr(module, "task", None)
     if not callable(build):
         raise UsageError(f"{where} defines no function task() that returns a Task")
