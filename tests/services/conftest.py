@@ -1,11 +1,24 @@
 import socket
 import time
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cache
 
 import pytest
 
+from sumo_dist.commands.distributed import Crew, services
+from sumo_dist.commands.serve import Router
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.single import run_single
+from sumo_dist.episode.summary import read_summary
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import anchor_tick
 from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.record.recording import Recording
+from sumo_dist.services.launcher import Launcher, Service
 from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import PlanMessage
 from sumo_dist.wire.session import open_router
 
 QUICK = PlannerConfig(rollouts=10, horizon=0.4)
@@ -56,3 +69,85 @@ def eventually():
         return bool(met)
 
     return eventually
+
+
+class System:
+    """The services of a run as real processes, which a test may kill, stop and start again."""
+
+    def __init__(self, launcher, bus, out):
+        self._launcher, self._out = launcher, out
+        self._newest_plan = -1
+        bus.subscribe(PlanMessage, self._on_plan)
+        self._services = {}
+        self.processes = {}
+
+    def start(self, *services):
+        for service in services:
+            self._services[service.name] = service
+            self.processes[service.name] = self._launcher.start(service)
+
+    def restart(self, name):
+        self.kill(name)
+        self.start(self._services[name])
+
+    def kill(self, name):
+        self.processes[name].kill()
+        self.processes[name].wait()
+
+    def signal(self, name, number):
+        self.processes[name].send_signal(number)
+
+    def _on_plan(self, message):
+        plan = message.plan
+        if plan.tick == anchor_tick(plan.number):  # not one of the calibration
+            self._newest_plan = max(self._newest_plan, plan.number)
+
+    def after_plan(self, number, timeout=30.0):
+        """Wait until a plan of the run, or a later one, was published."""
+        deadline = time.monotonic() + timeout
+        while self._newest_plan < number:
+            assert time.monotonic() < deadline, f"plan {number} did not come"
+            assert self.processes["robot-interface"].poll() is None, "the robot has ended"
+            time.sleep(0.002)
+
+    def finish(self, timeout=60.0):
+        """Wait for the robot to end; return its exit code and the summary."""
+        code = self.processes["robot-interface"].wait(timeout)
+        return code, read_summary(self._out)
+
+    def recording(self):
+        return Recording.load(self._out / "run.npz")
+
+
+@pytest.fixture
+def run_system(endpoint, tmp_path):
+    """Return a function that starts a run of spot/move_box with quick plans."""
+    with ExitStack() as stack:
+
+        def run(workers=2, threads=1, speed=None, wait=20.0, **changes):
+            episode = EpisodeConfig("spot/move_box", **{"seed": 1, "planner": QUICK, **changes})
+            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait)
+            launcher = stack.enter_context(Launcher())
+            launcher.start(Service("router", "router", Router(endpoint)))
+            bus = stack.enter_context(Bus.dial(endpoint, "spot"))
+            system = System(launcher, bus, tmp_path)
+            system.start(*services(crew, endpoint))
+            return system
+
+        yield run
+
+
+@pytest.fixture(scope="session")
+def expected_digests():
+    """Return a function: what one process makes of the same episode."""
+
+    @cache
+    def digests(optimizer="cem", time_limit=1.0, estimator="truth"):
+        planner = replace(QUICK, optimizer=optimizer)
+        episode = EpisodeConfig(
+            "spot/move_box", 1, planner, estimator=estimator, time_limit=time_limit
+        )
+        recording, _ = run_single(episode, threads=1)
+        return recording.plan_digest, recording.state_digest
+
+    return digests

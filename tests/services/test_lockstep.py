@@ -1,0 +1,106 @@
+"""Lockstep over Zenoh: whatever happens to the services, the bits are those of one process."""
+
+import signal
+import time
+from dataclasses import replace
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+
+LIMIT = 2.0  # robot time of the runs that something happens to [s]: 40 plans
+MIDDLE = 12  # the plan after which it happens
+
+
+def digests(summary):
+    return summary["plan_digest"], summary["state_digest"]
+
+
+@pytest.fixture(autouse=True)
+def no_traceback(capfd):
+    yield
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(("workers", "threads"), [(1, 1), (1, 2), (2, 1), (2, 2), (5, 1), (5, 2)])
+def test_any_number_of_workers_and_threads_gives_the_same_bits(
+    run_system, expected_digests, workers, threads
+):
+    code, summary = run_system(workers, threads, time_limit=1.0).finish()
+    assert (code, summary["end_reason"], summary["plans"]) == (1, "timeout", 20)
+    assert digests(summary) == expected_digests()
+    assert summary["rollouts_lost"] == summary["partial_plans"] == summary["missed_deadlines"] == 0
+
+
+@pytest.mark.parametrize("optimizer", ["mppi", "ps"])
+def test_every_optimizer_gives_the_same_bits(run_system, expected_digests, config, optimizer):
+    planner = replace(config, optimizer=optimizer)
+    _, summary = run_system(planner=planner, time_limit=1.0).finish()
+    assert digests(summary) == expected_digests(optimizer)
+
+
+def test_a_killed_worker_changes_nothing(run_system, expected_digests):
+    system = run_system(workers=2, time_limit=LIMIT)
+    system.after_plan(MIDDLE)
+    system.kill("local-0")
+    code, summary = system.finish()
+    assert code == 1
+    assert digests(summary) == expected_digests(time_limit=LIMIT)
+
+
+def test_a_frozen_worker_that_comes_back_changes_nothing(run_system, expected_digests):
+    system = run_system(workers=2, time_limit=LIMIT)
+    system.after_plan(MIDDLE)
+    system.signal("local-0", signal.SIGSTOP)
+    system.after_plan(MIDDLE + 3)
+    system.signal("local-0", signal.SIGCONT)
+    _, summary = system.finish()
+    assert digests(summary) == expected_digests(time_limit=LIMIT)
+    assert summary["rollouts_lost"] > 0  # what the frozen one had was asked of the other
+
+
+def test_workers_that_all_die_and_are_replaced_change_nothing(run_system, expected_digests):
+    system = run_system(workers=2, time_limit=LIMIT)
+    system.after_plan(MIDDLE)
+    system.kill("local-0")
+    system.kill("local-1")
+    time.sleep(0.3)
+    system.restart("local-1")
+    _, summary = system.finish()
+    assert digests(summary) == expected_digests(time_limit=LIMIT)
+
+
+@pytest.mark.parametrize("name", ["optimizer", "state-estimator"])
+def test_a_restarted_service_goes_on_where_the_last_one_ended(run_system, expected_digests, name):
+    system = run_system(workers=2, time_limit=LIMIT)
+    system.after_plan(MIDDLE)
+    system.restart(name)
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    assert digests(summary) == expected_digests(time_limit=LIMIT)
+
+
+def test_without_workers_the_run_ends_with_a_reason(run_system):
+    system = run_system(workers=1, time_limit=LIMIT, wait=1.5)
+    system.after_plan(MIDDLE)
+    system.kill("local-0")
+    code, summary = system.finish()
+    assert code == 3
+    assert summary["end_reason"] == "fault: no answer to the request for a plan in 1.5 s"
+    assert summary["success"] is False
+    assert MIDDLE < summary["plans"] < 40
+
+
+def test_without_an_estimator_the_run_ends_with_a_reason(run_system):
+    system = run_system(workers=1, time_limit=LIMIT, wait=1.5)
+    system.after_plan(MIDDLE)
+    system.kill("state-estimator")
+    code, summary = system.finish()
+    assert code == 3
+    assert summary["end_reason"] == "fault: no answer to the request for a state in 1.5 s"
+
+
+def test_lowpass_estimates_are_the_same_over_zenoh(run_system, expected_digests):
+    code, summary = run_system(estimator="lowpass", time_limit=0.5).finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    assert digests(summary) == expected_digests(estimator="lowpass", time_limit=0.5)

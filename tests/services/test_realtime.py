@@ -1,0 +1,121 @@
+"""Realtime over Zenoh: the robot does not wait, and nothing that dies makes it fall.
+
+The clock runs slowly, so that planning fits on a busy machine.
+"""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+
+SPEED = 0.3  # a planning period is 0.17 s of wall time
+LIMIT = 1.2  # [s]: 24 plans
+
+
+@pytest.fixture(autouse=True)
+def no_traceback(capfd):
+    yield
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.fixture
+def start(run_system):
+    def start(workers=2, time_limit=LIMIT, **changes):
+        return run_system(workers, speed=SPEED, clock="realtime", time_limit=time_limit, **changes)
+
+    return start
+
+
+def robot_stood(system):
+    heights = np.array(system.recording().states)[:, 2]
+    return heights.min() > 0.4
+
+
+def test_plans_come_on_time(start):
+    system = start()
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    assert summary["real_time_factor"] == pytest.approx(SPEED, rel=0.05)
+    assert summary["plans"] >= 20
+    recording = system.recording()
+    assert recording.plan_numbers == sorted(set(recording.plan_numbers))
+    assert recording.plan_numbers[-1] >= 22
+    assert robot_stood(system)
+
+
+def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
+    system = start()
+    system.after_plan(8)
+    system.signal("local-0", signal.SIGSTOP)
+    time.sleep(0.6)
+    system.kill("local-0")
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    assert summary["rollouts_lost"] > 0
+    assert summary["partial_plans"] > 0
+    recording = system.recording()
+    assert recording.plan_numbers[-1] >= 22
+    assert recording.lost[-1] == 0  # the other worker has taken over
+    assert robot_stood(system)
+
+
+def test_without_workers_the_plan_goes_on_until_one_is_back(start):
+    system = start(workers=1)
+    system.after_plan(8)
+    system.restart("local-0")  # away for about a second of wall time
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    recording = system.recording()
+    assert not np.isfinite(recording.costs[9:]).all()  # some plans had no rollouts
+    assert np.isfinite(recording.costs[-1]).all()
+    assert robot_stood(system)
+
+
+def test_without_an_optimizer_the_robot_follows_its_plan_and_then_stands(start):
+    system = start(time_limit=1.5)
+    system.after_plan(5)
+    system.kill("optimizer")
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    recording = system.recording()
+    assert recording.plan_numbers[-1] < 12
+    states = np.array(recording.states)
+    assert np.linalg.norm(states[-1, :2] - states[-10, :2]) < 0.05  # stands
+    assert robot_stood(system)
+
+
+def test_a_restarted_optimizer_goes_on(start):
+    system = start(time_limit=1.5)
+    system.after_plan(5)
+    system.restart("optimizer")
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
+    assert system.recording().plan_numbers[-1] >= 28
+    assert robot_stood(system)
+
+
+def test_without_a_state_the_robot_sits_down(start):
+    system = start(time_limit=3.0)
+    system.after_plan(5)
+    system.kill("state-estimator")
+    code, summary = system.finish()
+    assert code == 3
+    assert summary["end_reason"].startswith("fault: no state for")
+    assert summary["end_reason"].endswith("the robot sat down")
+    states = np.array(system.recording().states)
+    tilt = np.arccos(1 - 2 * (states[:, 4] ** 2 + states[:, 5] ** 2))  # of the base's z axis
+    assert np.degrees(tilt).max() < 45  # it does not roll over on its way
+    assert np.degrees(tilt[-1]) < 5
+    assert states[-1, 2] < 0.3
+    assert np.abs(states[-1, -31:]).max() < 1.0  # at rest, nearly
+
+
+def test_waits_for_an_estimator_that_is_late(start):
+    """A clock that started without it would make the robot sit down at once."""
+    system = start(time_limit=0.3)
+    system.restart("state-estimator")
+    code, summary = system.finish()
+    assert (code, summary["end_reason"]) == (1, "timeout")
