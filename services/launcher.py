@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from sumo_dist.errors import SumoError
+from sumo_dist.wire.session import checked_endpoint
 
 PARENT = "SUMO_DIST_PARENT"  # a service whose launcher dies ends too
 STOP_S = 5.0  # services get this long to end before they are killed
@@ -114,13 +115,13 @@ def _cause(code: int) -> str:
 
 
 def listening(endpoint: str) -> str:
-    """Replace port 0 of an endpoint by a free one."""
+    """Return an endpoint to listen on, checked; its port 0 is replaced by a free one."""
     host, _, port = endpoint.rpartition(":")
-    if port != "0":
-        return endpoint
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"{host}:{probe.getsockname()[1]}"
+    if port == "0":
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            endpoint = f"{host}:{probe.getsockname()[1]}"
+    return checked_endpoint(endpoint)
 
 
 def dialled(endpoint: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from sumo_dist.commands import serve
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.errors import UsageError
 from sumo_dist.services.launcher import Launcher, Service, dialled, listening
 from sumo_dist.tasks import load_task
 
@@ -33,6 +34,10 @@ class Crew:
     viewer: str | None
     speed: float | None
     wait: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.wait <= 3600:
+            raise UsageError(f"wait must be in (0, 3600] s, got {self.wait}")
 
 
 def run_distributed(crew: Crew, listen: str) -> int:

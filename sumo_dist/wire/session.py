@@ -43,7 +43,7 @@ def open_client(endpoint: str, timeout: float, config: Path | None = None) -> ze
     """
     settings = {
         "mode": "client",
-        "connect/endpoints": [_checked(endpoint)],
+        "connect/endpoints": [checked_endpoint(endpoint)],
         "listen/endpoints": [],
         "connect/timeout_ms": _ATTEMPT_MS,
         "connect/retry": {
@@ -73,7 +73,8 @@ def open_router(listen: str, config: Path | None = None) -> zenoh.Session:
         config: Zenoh configuration (JSON5) that these settings are laid over, for TLS and access
             rules.
     """
-    settings = {"mode": "router", "listen/endpoints": [_checked(listen)], "connect/endpoints": []}
+    listening = [checked_endpoint(listen)]
+    settings = {"mode": "router", "listen/endpoints": listening, "connect/endpoints": []}
     try:
         return zenoh.open(_configuration(settings, config))
     except zenoh.ZError as error:
@@ -95,7 +96,8 @@ def _configuration(settings: dict[str, Any], config: Path | None) -> zenoh.Confi
     return merged
 
 
-def _checked(endpoint: str) -> str:
+def checked_endpoint(endpoint: str) -> str:
+    """Return an endpoint if it is one, else raise."""
     match = re.fullmatch(_ENDPOINT, endpoint)
     if match is None or not 0 < int(match["port"]) < 2**16:
         raise UsageError(
