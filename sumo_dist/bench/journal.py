@@ -3,33 +3,54 @@
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from sumo_dist.errors import UsageError
 
-Trial = tuple[str, int]  # task and seed
+PLANNED = "planned"
+STANDING = "standing"
+
+_BEGINNING = '{"task": "'  # of every line
+
+
+class Trial(NamedTuple):
+    """What tells the rows of a journal apart.
+
+    Attributes:
+        task: its name, or the path of its file.
+        seed: decides the start and all noise.
+        variant: PLANNED, or STANDING for the control in which the robot only stands.
+    """
+
+    task: str
+    seed: int
+    variant: str = PLANNED
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Self:
+        """Return whose row it is."""
+        return cls(row["task"], row["seed"], row["variant"])
 
 
 class Journal:
     """Trials on disk, appended as they end.
 
     Attributes:
+        path: of the file.
         rows: of every trial in the file.
     """
 
     def __init__(
         self,
         path: Path,
-        settings: Mapping[str, Any],
-        task_settings: Mapping[str, Mapping[str, Any]],
+        settings: Callable[[Trial], Mapping[str, Any]],
         tell: Callable[[str], None],
     ) -> None:
         """Read what is there; a last line that a kill tore is dropped, and `tell` hears of it.
 
         Args:
-            path: the file, made on the first append.
-            settings: keys and values that all rows must have.
-            task_settings: those of each task in turn.
+            path: the file, made if there is none.
+            settings: keys and values that the row of a trial must have.
             tell: takes notices.
 
         Raises:
@@ -37,23 +58,37 @@ class Journal:
         """
         self.path = path
         self.rows: dict[Trial, dict[str, Any]] = {}
-        whole = _drop_torn_line(path, tell)
-        for number, line in enumerate(whole.splitlines(), 1):
-            row = _parse(line, f"{path}, line {number}")
-            _check(row, {**settings, **task_settings.get(row["task"], {})}, path)
-            self.rows[row["task"], row["seed"]] = row
+        for row in _parse(_drop_torn_line(path, tell), path):
+            trial = Trial.of(row)
+            _check(row, settings(trial), path)
+            self.rows[trial] = row
 
     def append(self, row: dict[str, Any]) -> None:
         """Write a trial through to the file."""
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row, allow_nan=False) + "\n")
-        self.rows[row["task"], row["seed"]] = row
+        self.rows[Trial.of(row)] = row
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """Rows of a journal that somebody may still be writing.
+
+    Raises:
+        UsageError: there is no such file, or it is something else.
+    """
+    try:
+        whole, _, _ = path.read_text(encoding="utf-8").rpartition("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"cannot read the trials in {path}: {error}") from None
+    return _parse(whole, path)
 
 
 def _drop_torn_line(path: Path, tell: Callable[[str], None]) -> str:
     try:
         text = path.read_text(encoding="utf-8") if path.exists() else ""
         whole, newline, torn = text.rpartition("\n")
+        if not torn.startswith(_BEGINNING[: len(torn)]):
+            raise UsageError(f"{path} is not a file of `sumo-dist bench`; name another file")
         if torn:
             tell(f"{path}: dropped a last line that was not written to its end")
             path.write_text(whole + newline, encoding="utf-8")
@@ -63,14 +98,21 @@ def _drop_torn_line(path: Path, tell: Callable[[str], None]) -> str:
     return whole
 
 
-def _parse(line: str, where: str) -> dict[str, Any]:
-    try:
-        row = json.loads(line)
-        if isinstance(row["task"], str) and isinstance(row["seed"], int):
-            return row
-    except (json.JSONDecodeError, KeyError, TypeError):
-        pass
-    raise UsageError(f"{where} is not a trial of `sumo-dist bench episodes`; name another file")
+def _parse(whole: str, path: Path) -> list[dict[str, Any]]:
+    rows = []
+    for number, line in enumerate(whole.splitlines(), 1):
+        try:
+            row = json.loads(line)
+            known = isinstance(row["task"], str) and isinstance(row["seed"], int)
+            known = known and row["variant"] in (PLANNED, STANDING)
+        except (json.JSONDecodeError, KeyError, TypeError):
+            known, row = False, None
+        if not known:
+            raise UsageError(
+                f"{path}, line {number} is not a trial of `sumo-dist bench`; name another file"
+            )
+        rows.append(row)
+    return rows
 
 
 def _check(row: Mapping[str, Any], wanted: Mapping[str, Any], path: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.local import LocalPlanning
-from sumo_dist.episode.lockstep import run_lockstep
+from sumo_dist.episode.lockstep import MakePlan, run_lockstep
 from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.start import draw_start
@@ -31,8 +31,6 @@ def run_single(
         raise UsageError("the realtime clock plans asynchronously: it needs at least one worker")
     task = load_task(config.task)
     problem = Problem.build(task, planning_options(config.planner))
-    plant = Plant(task.scene, draw_start(task, config.seed), config.estimator)
-    controller = make_controller(problem.policy, plant.model, config.engine)
     with problem.engine(threads, config.engine) as engine:
         recording = Recording(config.describe(problem, engine.name))
         planning = LocalPlanning(
@@ -46,19 +44,25 @@ def run_single(
             on_plan(report)
             return report
 
-        began = time.perf_counter()
-        try:
-            reason = run_lockstep(
-                plant,
-                controller,
-                task.actions,
-                Referee(task, plant.model, config.time_limit),
-                make_estimator(config.estimator, plant.model),
-                make_plan,
-                recording,
-            )
-        except KeyboardInterrupt:
-            reason = "interrupted"
-        except SumoError as error:
-            reason = f"fault: {error}"
-        return recording, Ending(reason, time.perf_counter() - began)
+        return recording, run_planned(config, problem, make_plan, recording)
+
+
+def run_planned(
+    config: EpisodeConfig, problem: Problem, make_plan: MakePlan, recording: Recording
+) -> Ending:
+    """Run an episode whose plans may come from anywhere, and write it into the recording."""
+    task = problem.task
+    plant = Plant(task.scene, draw_start(task, config.seed), config.estimator)
+    controller = make_controller(problem.policy, plant.model, config.engine)
+    referee = Referee(task, plant.model, config.time_limit)
+    estimate = make_estimator(config.estimator, plant.model)
+    began = time.perf_counter()
+    try:
+        reason = run_lockstep(
+            plant, controller, task.actions, referee, estimate, make_plan, recording
+        )
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except SumoError as error:
+        reason = f"fault: {error}"
+    return Ending(reason, time.perf_counter() - began)

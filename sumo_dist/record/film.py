@@ -13,15 +13,14 @@ from numpy.typing import ArrayLike
 from sumo_dist.episode.referee import Referee
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.record.recording import Recording
-from sumo_dist.record.replay import NO_GRAPHICS, episode
+from sumo_dist.record.replay import NO_GRAPHICS, STRIP, episode
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
 from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, goal_rings, ranked
 
 FPS = {".mp4": 25.0, ".gif": 12.5}
-SIZE = {".mp4": (960, 544), ".gif": (640, 360), ".jpg": (560, 350)}  # [pixels]
-STRIP = 6  # pictures in a strip, each at half its size
+SIZE = {".mp4": (960, 544), ".gif": (640, 360), ".jpg": (560, 350)}  # [pixels], halved in strips
 
 _FOLLOW_S = 3.0  # the camera's path is averaged over this long
 _AZIMUTH, _ELEVATION = 125.0, -24.0  # of the line of sight [deg]
@@ -128,7 +127,7 @@ def _draw_film(source: Path, path: Path) -> int:
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         return NO_GRAPHICS
     if path.suffix == ".jpg":
-        imageio.imwrite(path, _strip(artist, len(recording.states)), quality=80)
+        imageio.imwrite(path, _strip(artist, len(recording.states)), quality=70)
         return 0
     settings: dict[str, Any] = {"quality": 7} if path.suffix == ".mp4" else {"loop": 0}
     ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))

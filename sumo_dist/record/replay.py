@@ -18,6 +18,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 
 FILMS = (".gif", ".jpg", ".mp4")
+STRIP = 6  # pictures in a strip
 NO_GRAPHICS = 10  # exit code of the drawing process when there is nothing to draw with
 CANDIDATES_LIMIT = 60_000_000  # [bytes]
 

@@ -2,31 +2,51 @@ import json
 
 import pytest
 
-from sumo_dist.bench.journal import Journal
+from sumo_dist.bench.journal import STANDING, Journal, Trial, read_rows
 from sumo_dist.errors import UsageError
 
 SETTINGS = {"planner": {"rollouts": 32, "elites": 3}, "engine_build": "b1"}
 OF_TASK = {"spot/move_box": {"config_hash": "c1"}}
-ROW = {"task": "spot/move_box", "seed": 1, "success": True, "config_hash": "c1", **SETTINGS}
+TRIAL = Trial("spot/move_box", 1)
+ROW = {**TRIAL._asdict(), "success": True, "config_hash": "c1", **SETTINGS}
 
 
 def open_journal(path, notices=None):
-    return Journal(path, SETTINGS, OF_TASK, ([] if notices is None else notices).append)
+    def settings(trial):
+        return {**SETTINGS, **OF_TASK.get(trial.task, {})}
+
+    return Journal(path, settings, ([] if notices is None else notices).append)
 
 
 def test_what_was_appended_is_there_again(tmp_path):
     open_journal(tmp_path / "a.jsonl").append(ROW)
-    assert open_journal(tmp_path / "a.jsonl").rows == {("spot/move_box", 1): ROW}
+    assert open_journal(tmp_path / "a.jsonl").rows == {TRIAL: ROW}
+    assert read_rows(tmp_path / "a.jsonl") == [ROW]
 
 
 def test_a_torn_last_line_is_dropped_with_a_notice(tmp_path):
     path, notices = tmp_path / "a.jsonl", []
     path.write_text(json.dumps(ROW) + "\n" + json.dumps({**ROW, "seed": 2})[:-1])
     journal = open_journal(path, notices)
-    assert list(journal.rows) == [("spot/move_box", 1)]
+    assert list(journal.rows) == [TRIAL]
     assert len(notices) == 1
     journal.append({**ROW, "seed": 2})
-    assert list(open_journal(path).rows) == [("spot/move_box", 1), ("spot/move_box", 2)]
+    assert list(open_journal(path).rows) == [TRIAL, TRIAL._replace(seed=2)]
+
+
+def test_a_reader_leaves_the_line_that_is_being_written_alone(tmp_path):
+    path = tmp_path / "a.jsonl"
+    path.write_text(content := json.dumps(ROW) + "\n" + json.dumps({**ROW, "seed": 2})[:40])
+    assert read_rows(path) == [ROW]
+    assert path.read_text() == content
+
+
+def test_a_control_stands_beside_the_trial_it_belongs_to(tmp_path):
+    journal, control = open_journal(tmp_path / "a.jsonl"), {**ROW, "variant": STANDING}
+    journal.append(ROW)
+    journal.append(control)
+    rows = open_journal(tmp_path / "a.jsonl").rows
+    assert rows == {TRIAL: ROW, TRIAL._replace(variant=STANDING): control}
 
 
 @pytest.mark.parametrize(
@@ -46,10 +66,12 @@ def test_a_file_of_other_settings_is_refused(tmp_path, change, said):
 def test_another_tasks_rows_may_stand_beside(tmp_path):
     row = {**ROW, "task": "spot/move_cone", "config_hash": "c9"}
     (tmp_path / "a.jsonl").write_text(json.dumps(row) + "\n")
-    assert list(open_journal(tmp_path / "a.jsonl").rows) == [("spot/move_cone", 1)]
+    assert list(open_journal(tmp_path / "a.jsonl").rows) == [Trial("spot/move_cone", 1)]
 
 
-@pytest.mark.parametrize("content", [b"hello\n", b"[1]\n", b'{"task": 1}\n', b"\xff\xfe\n"])
+@pytest.mark.parametrize(
+    "content", [b"hello\n", b"hello", b"[1]\n", b'{"task": 1}\n', b"\xff\xfe\n"]
+)
 def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path, content):
     path = tmp_path / "a.jsonl"
     path.write_bytes(content)

@@ -1,0 +1,249 @@
+"""A campaign: many trials in processes of their own, journalled so that it can be killed."""
+
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from sumo_dist.bench.journal import STANDING, Journal, Trial
+from sumo_dist.bench.processes import run_each
+from sumo_dist.bench.report import checked_engine, cores, provenance
+from sumo_dist.bench.results import recording_folder
+from sumo_dist.bench.standing import run_standing
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.referee import Referee
+from sumo_dist.episode.single import run_single
+from sumo_dist.episode.summary import summarise, write_summary
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Options of every bench that runs trials.
+
+    Attributes:
+        trials: seeds per task.
+        seed0: the first seed.
+        optimizer: cem, mppi or ps.
+        set: planner settings as key=value; `sumo-dist list` names all.
+        engine: auto, native, native-portable or fallback; auto does not take the fallback.
+        time_limit: robot time per trial [s]; the tasks' own by default.
+        jobs: trials at a time; by default one for each core.
+    """
+
+    trials: int = 20
+    seed0: int = 1
+    optimizer: str = "cem"
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    engine: str = "auto"
+    time_limit: float | None = None
+    jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("trials", "jobs"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise UsageError(f"{name} must be at least 1, got {value}")
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of every task."""
+        return range(self.seed0, self.seed0 + self.trials)
+
+    def planner(self) -> PlannerConfig:
+        """Return the planner's settings, checked."""
+        return replace(PlannerConfig().with_settings(self.set), optimizer=self.optimizer)
+
+    def episode(self, task: str, seed: int) -> EpisodeConfig:
+        """Return what decides a trial, checked."""
+        return EpisodeConfig(
+            task, seed, self.planner(), time_limit=self.time_limit, engine=self.engine
+        )
+
+
+@dataclass(frozen=True)
+class Job:
+    """A trial as it is sent to its process.
+
+    Attributes:
+        trial: which one.
+        episode: what to run.
+        settings: what its row carries to be told from trials of other settings.
+        folder: for its recording, if wanted.
+        digest: of the states of the same trial before, which must come out again.
+    """
+
+    trial: Trial
+    episode: EpisodeConfig
+    settings: Mapping[str, Any]
+    folder: Path | None = None
+    digest: str | None = None
+
+
+class Campaign:
+    """Runs trials of some tasks and keeps their rows in a journal."""
+
+    def __init__(self, settings: Settings, trials: Sequence[Trial], path: Path) -> None:
+        """Check everything that can be wrong before hours are spent, and read what is done.
+
+        Args:
+            settings: of all trials.
+            trials: in the order they are run in.
+            path: of the journal.
+
+        Raises:
+            UsageError: a setting is wrong, or the journal was made with other settings.
+        """
+        self.trials = trials
+        self._jobs = settings.jobs or cores()
+        self._episodes = {trial: settings.episode(trial.task, trial.seed) for trial in trials}
+        self._common = _common_settings(next(iter(self._episodes.values())))
+        one_each = {episode.task: episode for episode in self._episodes.values()}
+        self._of_task = {task: _task_settings(episode) for task, episode in one_each.items()}
+        self._journal = Journal(path, self._settings, say)
+        self._about = {"provenance": provenance()}
+
+    def run(self, recordings: Path | None = None) -> None:
+        """Run what the journal lacks, and say how it goes.
+
+        Args:
+            recordings: folder that gets a recording of each of these trials.
+
+        Raises:
+            SumoError: the process of a trial died; all others were run.
+        """
+        todo = [
+            self._job(trial, recording_folder(recordings, trial) if recordings else None)
+            for trial in self.trials
+            if trial not in self._journal.rows
+        ]
+        if done := len(self.trials) - len(todo):
+            say(f"{self._journal.path} has {done} of {len(self.trials)} trials, {len(todo)} to go")
+        for job, row in self._each(todo):
+            self._journal.append(row)
+            say(f"{_place(job)}: {_ending(row)}")
+
+    def record(self, trials: Iterable[Trial], recordings: Path) -> None:
+        """Run finished trials again for the recordings that are not there yet.
+
+        Raises:
+            SumoError: a trial did not repeat to the last bit, or its process died.
+        """
+        todo = [
+            self._job(trial, folder, self._journal.rows[trial]["state_digest"])
+            for trial in trials
+            if not ((folder := recording_folder(recordings, trial)) / "run.npz").exists()
+        ]
+        for job, _ in self._each(todo):
+            say(f"{_place(job)}: recorded in {job.folder}")
+
+    def rows(self) -> list[Row]:
+        """Rows of the trials that are done, in their order."""
+        return [self._journal.rows[trial] for trial in self.trials if trial in self._journal.rows]
+
+    def _settings(self, trial: Trial) -> Row:
+        return {**self._common, **self._of_task.get(trial.task, {})}
+
+    def _job(self, trial: Trial, folder: Path | None, digest: str | None = None) -> Job:
+        settings = {**trial._asdict(), **self._settings(trial), **self._about}
+        return Job(trial, self._episodes[trial], settings, folder, digest)
+
+    def _each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
+        began, died = time.monotonic(), 0
+        for number, (job, row) in enumerate(run_each(run_trial, todo, self._jobs), 1):
+            left = (time.monotonic() - began) / number * (len(todo) - number)
+            sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
+            if row is None:
+                died += 1
+                say(f"{_place(job)}: its process died")
+            else:
+                yield job, row
+        if died:
+            raise SumoError(
+                f"the processes of {died} trials died (out of memory?); run again to repeat them"
+            )
+
+
+def run_trial(job: Job) -> Row:
+    """Run one episode in this process and return its row."""
+    if job.trial.variant == STANDING:
+        recording, ending = run_standing(job.episode)
+    else:
+        recording, ending = run_single(job.episode, threads=1)
+    row = {**summarise(recording, ending), **job.settings, **outcome(job.episode, recording)}
+    if job.digest not in (None, row["state_digest"]):
+        raise SumoError(
+            f"{_place(job)} did not repeat: its states have the digest "
+            f"{row['state_digest'][:12]}, in the journal it is {job.digest[:12]}; "
+            "equal bits need the same build and the same kind of processor"
+        )
+    if job.folder is not None:
+        job.folder.mkdir(parents=True, exist_ok=True)
+        write_summary(row, job.folder)
+        recording.save(job.folder / "run.npz")
+    return row
+
+
+def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
+    """Return where an episode left off.
+
+    Costs are those of the unperturbed candidate, term by term: the last plan's and the mean over
+    all plans; the distance is the object's from its goal [m], if there is one.
+    """
+    task = load_task(episode.task)
+    referee = Referee(task, compile_model(task.scene, PLANT))
+    terms = np.array(recording.terms).reshape(len(recording.terms), -1)
+    names = recording.config["terms"] if terms.size else ()
+    distance = None
+    if task.goal is not None and "object" in task.frames:
+        at = referee.view(recording.states[-1]).object.pos[0, 0]
+        distance = round(float(np.linalg.norm(at - np.array(task.goal))), 4)
+    return {
+        "final_costs": dict(zip(names, terms[-1].tolist() if names else (), strict=True)),
+        "mean_costs": dict(zip(names, terms.mean(axis=0).tolist() if names else (), strict=True)),
+        "final_goal_distance_m": distance,
+    }
+
+
+def say(line: str) -> None:
+    """Tell whoever waits."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def _common_settings(episode: EpisodeConfig) -> Row:
+    """Return what all rows of a campaign share."""
+    _, build = checked_engine(episode.engine)
+    return {"planner": asdict(episode.planner), "engine_build": build}
+
+
+def _task_settings(episode: EpisodeConfig) -> Row:
+    """Return what all rows of a task share; compiles the task, so its errors come here."""
+    task = load_task(episode.task)
+    problem = Problem.build(task, planning_options(episode.planner))
+    return {
+        "time_limit_s": episode.time_limit or task.time_limit,
+        "config_hash": episode.planner.hash(problem.hash),
+    }
+
+
+def _place(job: Job) -> str:
+    standing = ", standing" if job.trial.variant == STANDING else ""
+    return f"{job.trial.task} seed {job.trial.seed}{standing}"
+
+
+def _ending(row: Row) -> str:
+    distance = row["final_goal_distance_m"]
+    left_off = f", object {distance:.2f} m from its goal" if distance is not None else ""
+    return f"{row['end_reason']} at {row['robot_time_s']:.1f} s{left_off}"

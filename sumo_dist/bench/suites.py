@@ -1,0 +1,59 @@
+"""The suites of the benchmark: which tasks, and what has been published about them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Figure(NamedTuple):
+    """A published result.
+
+    Attributes:
+        successes: of so many trials.
+        trials: of one task.
+    """
+
+    successes: int
+    trials: int
+
+    @property
+    def rate(self) -> float:
+        """Share of successes."""
+        return self.successes / self.trials
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Tasks that are measured together, with the same settings.
+
+    Attributes:
+        name: on the command line.
+        title: of its report.
+        source: of the published figures.
+        figures: by task, in the report's order.
+        controls: the tasks in which an object might succeed by itself; of them, trials in which
+            the robot only stands are run as well.
+    """
+
+    name: str
+    title: str
+    source: str
+    figures: Mapping[str, Figure]
+    controls: tuple[str, ...] = ()
+
+
+_OBJECTS = ("box", "chair", "cone", "tire", "rack")
+
+PAPER_ANALYSIS = Suite(
+    name="paper-analysis",
+    title="Spot moves and uprights five objects",
+    source="the paper (arXiv:2604.08508), 20 trials a task",
+    figures={
+        f"spot/{family}_{thing}": Figure(successes, 20)
+        for family, of_20 in {"move": (17, 19, 20, 20, 20), "upright": (20, 19, 20, 19, 19)}.items()
+        for thing, successes in zip(_OBJECTS, of_20, strict=True)
+    },
+    controls=tuple(f"spot/upright_{thing}" for thing in _OBJECTS),
+)
+
+SUITES = {suite.name: suite for suite in (PAPER_ANALYSIS,)}
