@@ -17,8 +17,9 @@ from sumo_dist.rollout.interface import FrameRef
 CLEARANCE = 1.0  # robot to object at the start of a move, centre to centre [m]
 AWAY = 0.5  # object to goal at the start of a move, so that none starts nearly solved [m]
 DROP_HEIGHT = 0.02  # of the object's lowest point above the floor [m]
-DROP_TIME = 3.0  # a dropped object rests within this time, or is dropped anew [s]
-REST_SPEED = 0.02  # what counts as rest, all six velocities together [m/s, rad/s]
+DROP_TIME = 3.0  # a dropped object has come to rest by then, but for what rolls [s]
+STOPS, STOP_TIME = 5, 0.2  # what rolls is stopped so often, and let go for so long [s]
+REST_SPEED = 0.1  # what counts as rest, all six velocities together [m/s, rad/s]
 
 RobotDraw = Callable[[np.random.Generator], tuple[np.ndarray, float]]
 """rng -> the robot's xy (2,) [m] and yaw [rad]."""
@@ -186,15 +187,22 @@ class Drop:
         """Drop it above xy (2,) [m] in attitude quat (4,).
 
         Returns:
-            Its pose (7,) and velocity (6,) after DROP_TIME, laid out as in a state.
+            The pose (7,) and velocity (6,) it ends with, laid out as in a state; an object that
+            has found no place to rest still has speed.
         """
         mujoco.mj_resetData(self._model, self._data)
         pose = self._data.qpos[self._pose]
         pose[:] = [*xy, 0.0, *quat]
         pose[2] = DROP_HEIGHT - height_above_floor(self._model, self._data.qpos, self._name)
-        mujoco.mj_step(self._model, self._data, round(DROP_TIME / self._model.opt.timestep))
+        self._wait(DROP_TIME)
+        for _ in range(STOPS):  # without rolling friction it would never rest
+            self._data.qvel[:] = 0.0
+            self._wait(STOP_TIME)
         state = np.concatenate([self._data.qpos, self._data.qvel])
         return state[self._pose], state[self._velocity]
+
+    def _wait(self, seconds: float) -> None:
+        mujoco.mj_step(self._model, self._data, round(seconds / self._model.opt.timestep))
 
 
 def redraw(

@@ -26,7 +26,7 @@ class Problem:
         model: its planning model.
         policy: the robot's low-level policy.
         layout: where the task's frames lie in rollouts.
-        hash: of the compiled model, the policy, cost table, frames and action space.
+        hash: of the compiled model, the policy, and all that the task computes.
     """
 
     task: Task
@@ -58,7 +58,9 @@ def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
     compiled = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
     packages = {"sumo_dist", *(_package(term.function) for term in task.cost)}
-    parts = (compiled, policy.contract.weights_sha256, task.cost, task.frames, task.actions)
+    planning = task.cost, task.frames, task.actions
+    episode = task.reset, task.success, task.failure, task.success_hold, task.time_limit
+    parts = (compiled, policy.contract.weights_sha256, planning, episode)
     return fingerprint(parts, packages)[:16]
 
 

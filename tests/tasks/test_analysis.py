@@ -189,8 +189,8 @@ def test_objects_stay_where_they_start(task, starts):
         data.qpos[:], data.qvel[:] = index.unpack(state)
         data.qpos[index.pose("body")][:2] += 50.0  # the robot, which falls unless it is controlled
         mujoco.mj_step(model, data, 30)
-        assert norm(data.qpos[pose][:3] - state[pose][:3]) < 0.01
-        assert abs(data.qpos[pose][3:] @ state[pose][3:]) > np.cos(0.02)
+        assert norm(data.qpos[pose][:3] - state[pose][:3]) < 0.03
+        assert abs(data.qpos[pose][3:] @ state[pose][3:]) > np.cos(0.025)
 
 
 @pytest.mark.parametrize("name", MOVES)
@@ -220,7 +220,7 @@ def test_uprights_start_lying_before_a_robot_in_its_place(name):
         place = [-1.5, 0.0] if object_of(name) == "cone" else [0.0, 0.0]
         assert robot[:2] == pytest.approx(place, abs=0.01)
         assert robot[3:] == pytest.approx(LEVEL)
-        assert norm(state[index.velocity(object_of(name))]) < 0.02
+        assert norm(state[index.velocity(object_of(name))]) < 0.1
         assert norm(thing[:2]) < 3.0
         attitudes.append(thing[3:])
     assert np.std(attitudes, axis=0).min() > 0.1, "attitudes are drawn from all of them"
