@@ -240,6 +240,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
             for kind in (State, Status, PlanMessage, Traces, Event, RunEnd):
                 bus.subscribe(kind, backlog.put)
             bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
+            bus.announce("tracer", "main")
             _follow(tracer, backlog, stop)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)

@@ -131,7 +131,8 @@ def _draw_film(source: Path, path: Path) -> int:
         return 0
     settings: dict[str, Any] = {"quality": 7} if path.suffix == ".mp4" else {"loop": 0}
     ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))
-    with imageio.get_writer(path, fps=FPS[path.suffix], **settings) as film:
+    writer: Any = imageio.get_writer(path, fps=FPS[path.suffix], **settings)
+    with writer as film:
         for i, tick in enumerate(ticks):
             film.append_data(artist.draw(tick))
             if i % 100 == 99:

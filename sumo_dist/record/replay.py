@@ -10,12 +10,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.referee import Referee
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
+from sumo_dist.tasks.task import Task
 
 FILMS = (".gif", ".jpg", ".mp4")
 STRIP = 6  # pictures in a strip
@@ -55,19 +58,28 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
     from sumo_dist.view.run_logger import RunLogger
 
     config, troubles = episode(recording), list[str]()
+    task = load_task(config.task)
     size = sum(traces.nbytes for traces in recording.traces)
     stride = max(1, -(-size // candidates_limit))
     with Outputs(path.parent.name, RrdFile(path, troubles.append)) as out:
-        logger = RunLogger(out, load_task(config.task), config, distributed=False)
+        logger = RunLogger(out, task, config, distributed=False)
         for tick, state in enumerate(recording.states):
             logger.log_state(tick, state)
         for i, report in enumerate(reports(recording)):
             logger.log_plan(report)
             if i % stride == 0 and recording.traces:
                 logger.log_candidates(report.plan.tick, recording.costs[i], recording.traces[i])
+        logger.log_event(len(recording.states) - 1, "info", _ending(recording, task))
         logger.flush()
     if troubles:
         raise SumoError(troubles[0])
+
+
+def _ending(recording: Recording, task: Task) -> str:
+    """Say how a recorded run ended; a recording holds what happened, not the verdict."""
+    referee = Referee(task, compile_model(task.scene, PLANT))
+    verdicts = [referee.verdict(tick, state) for tick, state in enumerate(recording.states)]
+    return f"the run has ended: {verdicts[-1] or 'stopped'}"
 
 
 def reports(recording: Recording) -> Iterator[PlanReport]:
@@ -103,15 +115,20 @@ def show(recording: Recording, viewer: str) -> None:
     Raises:
         SumoError: the viewer cannot be opened, or the `view` extra is not installed.
     """
-    from sumo_dist.view.viewers import Viewer
-
     with TemporaryDirectory(prefix="sumo-dist-") as folder:
         path = Path(folder) / "run.rrd"
         to_rrd(recording, path)
-        with Viewer(viewer, path) as opened:
-            if opened.address:
-                sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
-            opened.wait()
+        show_file(path, viewer)
+
+
+def show_file(path: Path, viewer: str) -> None:
+    """Show an .rrd in Rerun; as `show`."""
+    from sumo_dist.view.viewers import Viewer
+
+    with Viewer(viewer, path) as opened:
+        if opened.address:
+            sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
+        opened.wait()
 
 
 def render(recording: Recording, path: Path) -> None:

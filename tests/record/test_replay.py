@@ -83,3 +83,12 @@ def test_a_file_that_cannot_be_written_is_an_error(short_run, tmp_path):
 def test_a_config_of_another_kind_is_a_usage_error(short_run, tmp_path):
     with pytest.raises(UsageError, match="planner"):
         to_rrd(replace(short_run, config={"task": "spot/move_box", "seed": 1}), tmp_path / "a.rrd")
+
+
+def test_the_verdict_is_the_last_event(short_run, tmp_path, read_rrd):
+    fallen = short_run.states[-1].copy()
+    fallen[2] = 0.1  # height of the base [m]
+    to_rrd(replace(short_run, states=[*short_run.states[:-1], fallen]), tmp_path / "run.rrd")
+    events = read_rrd(tmp_path / "run.rrd").timed["/events"]
+    assert events["TextLog:text"] == [["the run has ended: fell"]]
+    assert events["sim_time"][0].total_seconds() == (len(short_run.states) - 1) * 0.02

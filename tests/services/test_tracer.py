@@ -99,30 +99,35 @@ def tracing(router, tmp_path, request):
         EpisodeConfig("spot/move_box"), tmp_path, router, robot, "r", viewer="none"
     )
 
-    def start(out=tmp_path):
-        thread.start()
+    def start():
+        listens = threading.Event()
         bus = Bus.dial(router, robot, run="r")
         bus.announce("worker", "w")
-        time.sleep(0.5)  # until it listens
+        bus.watch("tracer", lambda member, alive: listens.set())
+        thread.start()
+        assert listens.wait(20)
+        time.sleep(0.2)  # until the router has told this side of its subscriptions
         return bus
 
     thread = threading.Thread(target=run, args=(options, stop))
     yield start, thread, stop
     stop.set()
-    thread.join(5)
+    thread.join(20)
     assert not thread.is_alive()
 
 
 def publish_run(bus, ticks=13):
     state = draw_start(load_task("spot/move_box"), 1)
     for tick in range(ticks):
+        time.sleep(0.02)  # a burst would be thinned by the bus, which never makes a sender wait
         bus.publish(State("r", tick, state))
         if tick % 5 == 0:
-            number = 2 * tick // 5
+            number = tick // 5
             bus.publish(shard(number, 0, 3))
             bus.publish(PlanMessage.of("r", report(number)))
             bus.publish(PlanMessage.of("r", report(number)))  # as in lockstep, when asked again
             bus.publish(shard(number, 3, 3))
+    time.sleep(0.02)
     bus.publish(Event("r", "optimizer", "warning", "a plan was late"))
     bus.publish(RunEnd("r", ticks - 1, "success", True))
 
@@ -131,29 +136,26 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
     start, thread, _ = tracing
     with start() as bus:
         publish_run(bus)
-        thread.join(5)
+        thread.join(20)
         assert not thread.is_alive()
     timed = read_rrd(tmp_path / "run.rrd").timed
     assert len(set(timed["/world/poses"]["sim_time"])) == 13
-    assert [len(strips) for strips in timed["/world/plan/samples"]["LineStrips3D:strips"]] == [
-        6
-    ] * 3
+    samples = timed["/world/plan/samples"]["LineStrips3D:strips"]
+    assert [len(strips) for strips in samples] == [6, 6, 6]
     elites = np.array(timed["/world/plan/elites"]["LineStrips3D:strips"][0])
     assert list(elites[::2, 0, 0]) == [5, 4, 3]  # the cheapest are the last
     assert len(timed["/plots/cost"]["sim_time"]) == 3
     assert timed["/plots/workers/alive"]["Scalars:scalars"][-1] == [1.0]
     texts = [text[0] for text in timed["/events"]["TextLog:text"]]
-    assert texts == ["optimizer: a plan was late", "the run has ended: success"]
+    assert set(texts) == {"optimizer: a plan was late", "the run has ended: success"}
 
 
-def test_without_a_place_for_the_file_it_says_so_once_and_goes_on(
-    tracing, tmp_path, caplog, monkeypatch
-):
+def test_without_a_place_for_the_file_it_says_so_once_and_goes_on(tracing, tmp_path, caplog):
     start, thread, _ = tracing
     (tmp_path / "run.rrd").mkdir()
     with caplog.at_level(logging.WARNING), start() as bus:
         publish_run(bus)
-        thread.join(5)
+        thread.join(20)
         assert not thread.is_alive()
     assert [r.getMessage() for r in caplog.records if r.name == "sumo_dist.tracer"] == [
         f"{tmp_path / 'run.rrd'} cannot be written: Is a directory"
@@ -167,7 +169,7 @@ def test_what_cannot_be_shown_is_left_out_and_told_once(tracing, tmp_path, caplo
             bus.publish(State("r", tick, np.zeros(7)))  # of another robot
         time.sleep(0.1)
         bus.publish(RunEnd("r", 1, "timeout", False))
-        thread.join(5)
+        thread.join(20)
         assert not thread.is_alive()
     told = [r.getMessage() for r in caplog.records if r.name == "sumo_dist.tracer"]
     assert len(told) == 1
