@@ -84,6 +84,8 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
         UsageError: the two have no task in common.
     """
     changes, total = compare(a, b)
+    alone = {*count_tasks(a)} ^ {*count_tasks(b)}
+    a, b = ([row for row in rows if row["task"] not in alone] for rows in (a, b))
     verdicts = [sentence(change, *ps) for change, *ps in adjusted(changes)]
     if len(changes) > 1:
         verdicts.append(sentence(total, total.p, total.times.p if total.times else 1.0))
@@ -94,6 +96,7 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
         "is adjusted for their number (Holm), in the table it is not."
     )
     settings = differences(a, b) or ["All settings are the same."]
+    settings += [f"only one of the two has {task}" for task in sorted(alone)]
     return "\n\n".join(
         (
             f"# A: {name_a}, B: {name_b}",
@@ -115,7 +118,7 @@ def compare(a: Sequence[Row], b: Sequence[Row]) -> tuple[list[Change], Change]:
             f"{', '.join(tasks_b) or 'no trials'} in B"
         )
     changes = [Change.between(task, tasks_a[task].rows, tasks_b[task].rows) for task in common]
-    of_common = ([row for row in rows if row["task"] in common] for rows in (a, b))
+    of_common = [[row for row in rows if row["task"] in common] for rows in (a, b)]
     return changes, Change.between("all tasks", *of_common)
 
 
@@ -137,7 +140,7 @@ def sentence(change: Change, p_rate: float, p_time: float) -> str:
     ratio = change.times.value
     faster = "as fast" if round(ratio, 3) == 1 else "faster" if ratio < 1 else "slower"
     verdict = _verdict(faster, p_time)
-    return f"{said}; {ratio:.2f} times as long over {change.times.pairs} seeds, {verdict}."
+    return f"{said}; it takes {ratio:.2f} times as long over {change.times.pairs} seeds, {verdict}."
 
 
 def line(change: Change) -> tuple[str, ...]:
@@ -154,7 +157,8 @@ def line(change: Change) -> tuple[str, ...]:
     if change.times is None:
         return (*cells, "0", "-", "-", "-")
     t = change.times
-    return (*cells, str(t.pairs), f"{t.value:.2f}", f"{t.low:.2f} to {t.high:.2f}", f"{t.p:.3f}")
+    interval = f"{t.low:.2f} to {t.high:.2f}" if t.low > 0 else "-"
+    return (*cells, str(t.pairs), f"{t.value:.2f}", interval, f"{t.p:.3f}")
 
 
 def differences(a: Sequence[Row], b: Sequence[Row]) -> list[str]:

@@ -49,7 +49,8 @@ def _head(results: Results) -> Iterable[str]:
     yield f"<pre><code>{escape(results.request['command'])}</code></pre>"
     about = {"code": "sumo_dist", "MuJoCo": "mujoco", "Python": "python", "machine": "machine"}
     rows = {name: "; ".join(results.made_by(key)) for name, key in about.items()}
-    yield _definitions(rows)
+    planner = "{optimizer}, {rollouts} rollouts of {horizon} s, {nodes} nodes, engine {engine}"
+    yield _definitions({**rows, "planner": planner.format(**results.settings)})
 
 
 def _overview(results: Results) -> Iterable[str]:

@@ -35,7 +35,7 @@ def test_a_campaign_against_itself(campaign, capsys):
     out = capsys.readouterr().out
     expected = [BOX, "3/4", "3/4", "+0.00", "-0.49 to +0.49", "1.000", "3", "1.00"]
     assert cells(out, BOX)[:8] == expected
-    assert "3/4 -> 3/4 solved, no change; 1.00 times as long over 3 seeds, as fast." in out
+    assert "3/4 -> 3/4 solved, no change; it takes 1.00 times as long over 3 seeds, as fast." in out
     assert "All settings are the same." in out
 
 
@@ -47,7 +47,7 @@ def test_what_is_significant_is_said_and_what_is_not_too(campaign, capsys):
     assert f"{BOX}: 2/12 -> 12/12 solved, more (significant, p < 0.001)" in out
     assert "0.88 times as long over 2 seeds, faster (not significant, p = 0.500)" in out
     # Wilcoxon, 12 pairs all of one sign: 2 / 2^12, twice for two tasks.
-    assert f"{CONE}: 12/12 -> 12/12 solved, no change; 0.81" in out
+    assert f"{CONE}: 12/12 -> 12/12 solved, no change; it takes 0.81" in out
     assert "faster (significant, p < 0.001)" in out
     assert cells(out, "all tasks")[1:3] == ["14/24", "24/24"]
 
@@ -64,6 +64,16 @@ def test_settings_that_differ_are_named(campaign, make_row, capsys):
     assert f"- {BOX}, time limit [s]: 30.0 -> 20.0" in out
     assert f"- {BOX}, task and settings: hash of {BOX} -> x" in out
     assert out.count("->") == 4  # three settings, one verdict
+
+
+def test_tasks_that_only_one_has_are_named_and_left_out(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0, 5.0], CONE: [1.0]})
+    b = campaign("b.jsonl", {BOX: [4.0, None]})
+    assert main(["bench", "compare", a, b]) == 0
+    out = capsys.readouterr().out
+    assert f"- only one of the two has {CONE}" in out
+    assert f"{CONE}:" not in out
+    assert "all tasks" not in out
 
 
 def test_controls_are_left_out(campaign, capsys):

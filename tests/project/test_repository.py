@@ -72,8 +72,8 @@ def command_lines(document: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("line", command_lines("README.md"))
-def test_command_lines_of_the_readme_parse(line):
+@pytest.mark.parametrize("line", [*command_lines("README.md"), *command_lines("docs/benchmark.md")])
+def test_command_lines_of_documents_parse(line):
     words = shlex.split(line)
     name = " ".join(words[:2]) if words[0] == "bench" else words[0]
     command = COMMANDS[name]
