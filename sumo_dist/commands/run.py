@@ -82,7 +82,7 @@ def main(options: Options) -> int:
     workers = cores if options.workers is None else options.workers
     if not 0 <= workers <= 256:
         raise UsageError(f"workers must be from 0 to 256, got {workers}")
-    threads = options.threads or (1 if workers else cores)
+    threads = (1 if workers else cores) if options.threads is None else options.threads
     if not 1 <= threads <= 256:
         raise UsageError(f"threads must be from 1 to 256, got {threads}")
     if options.viewer not in VIEWERS:
