@@ -241,19 +241,22 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
                 bus.subscribe(kind, backlog.put)
             bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
             bus.announce("tracer", "main")
-            _follow(tracer, backlog, stop)
+            _follow(tracer, backlog, viewer, stop)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
         while options.linger and viewer.running() and not stop.wait(_IDLE_S):
             pass
 
 
-def _follow(tracer: Tracer, backlog: Backlog, stop: threading.Event) -> None:
+def _follow(tracer: Tracer, backlog: Backlog, viewer: "Viewer", stop: threading.Event) -> None:
     """Show messages until the run has ended and all is shown."""
-    stopped = None
+    watched, stopped = viewer.running(), None
     while stopped is None or time.monotonic() < stopped + _LAST_WORDS_S:
         if stopped is None and stop.is_set():
             stopped = time.monotonic()
+        if watched and not viewer.running():
+            watched = False
+            _log.warning("the viewer has ended; the run goes on and is recorded")
         item = backlog.get(_IDLE_S)
         if item is not None:
             tracer.show(item)

@@ -109,6 +109,6 @@ class Recording:
             raise UsageError(
                 f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz"
             ) from None
-        except (BadZipFile, KeyError, ValueError, OSError, json.JSONDecodeError) as error:
+        except (BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
         return cls(config, **lists)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -128,7 +129,8 @@ def show_file(path: Path, viewer: str) -> None:
     with Viewer(viewer, path) as opened:
         if opened.address:
             sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
-        opened.wait()
+        with suppress(KeyboardInterrupt):
+            opened.wait()
 
 
 def render(recording: Recording, path: Path) -> None:

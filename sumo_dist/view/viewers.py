@@ -85,7 +85,8 @@ class Viewer:
         self._process = _start("--serve-web", "--bind", "127.0.0.1", *ports, str(source))
         # A file is served by the viewer's process itself.
         live = source if isinstance(source, str) else f"rerun+http://127.0.0.1:{server}/proxy"
-        self.address = f"http://127.0.0.1:{web}/?url={quote(live, safe='')}"
+        page = f"http://127.0.0.1:{web}/"
+        self.address = f"{page}?url={quote(live, safe='')}&hide_welcome_screen"
 
 
 def free_port(preferred: int) -> int:
@@ -109,7 +110,6 @@ def _start(*arguments: str) -> subprocess.Popen[bytes]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for us: we end it
         )
     except OSError as error:
         raise SumoError(f"the Rerun viewer does not start: {error}") from None

@@ -12,11 +12,14 @@ from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.services.tracer import Backlog, Candidates, TracerOptions, run
 from sumo_dist.tasks import load_task
+from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import Event, PlanMessage, RunEnd, State, Traces
 from sumo_dist.wire.session import open_router
 
 ROLLOUTS, TERMS = 6, 3
+
+start_viewer = viewers._start
 
 
 def report(number, finite=None):
@@ -95,8 +98,9 @@ def tracing(router, tmp_path, request):
     """A tracer on a bus of its own, and that bus; stopped at the end."""
     robot = request.node.name.replace("_", "-")[:60]
     stop = threading.Event()
+    viewer = getattr(request, "param", "none")
     options = TracerOptions(
-        EpisodeConfig("spot/move_box"), tmp_path, router, robot, "r", viewer="none"
+        EpisodeConfig("spot/move_box"), tmp_path, router, robot, "r", viewer=viewer
     )
 
     def start():
@@ -190,3 +194,22 @@ def test_it_stops_when_told_though_the_run_goes_on(tracing, tmp_path, read_rrd):
                 break
         assert 50 < tick < 199
     assert len(read_rrd(tmp_path / "run.rrd").timed["/world/poses"]["sim_time"]) > 0
+
+
+@pytest.mark.parametrize("tracing", ["web"], indirect=True)
+def test_a_viewer_that_is_killed_is_told_and_the_run_is_recorded(
+    tracing, tmp_path, caplog, read_rrd, monkeypatch
+):
+    opened = []
+    monkeypatch.setattr(viewers, "_start", lambda *a: opened.append(start_viewer(*a)) or opened[0])
+    start, thread, _ = tracing
+    with caplog.at_level(logging.INFO), start() as bus:
+        opened[0].kill()
+        opened[0].wait()
+        publish_run(bus)
+        thread.join(20)
+        assert not thread.is_alive()
+    told = [r.getMessage() for r in caplog.records if r.name == "sumo_dist.tracer"]
+    assert told[0].startswith("watch the run at http://127.0.0.1:")
+    assert told[1:] == ["the viewer has ended; the run goes on and is recorded"]
+    assert len(set(read_rrd(tmp_path / "run.rrd").timed["/world/poses"]["sim_time"])) == 13
