@@ -7,6 +7,8 @@ from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks.task import Task
 
+FALL_S = 1.0  # lifting a heavy thing, a robot crouches below its fall height and comes up again
+
 
 class Referee:
     """Watches one episode; ask it once per tick."""
@@ -20,6 +22,7 @@ class Referee:
         self._last_tick = round((time_limit or task.time_limit) / TICK)
         self._hold_ticks = round(task.success_hold / TICK)
         self._held = -1
+        self._low = 0
 
     def verdict(self, tick: int, state: np.ndarray) -> str | None:
         """Return "success", "fell", one of the task's failures, "timeout", or None to go on."""
@@ -27,7 +30,9 @@ class Referee:
         self._held = self._held + 1 if bool(self._task.success(view)[0, 0]) else -1
         if self._held >= self._hold_ticks:
             return "success"
-        if view.base.pos[0, 0, 2] <= self._task.scene.robot.fall_height:
+        low = view.base.pos[0, 0, 2] <= self._task.scene.robot.fall_height
+        self._low = self._low + 1 if low else 0
+        if self._low * TICK > FALL_S:
             return "fell"
         if tick < self._last_tick:
             return None

@@ -51,10 +51,21 @@ def test_success_that_must_hold_is_held_without_a_break(move_box, plant, at_goal
 
 
 @pytest.mark.parametrize(("height", "verdict"), [(0.36, None), (0.35, "fell"), (0.1, "fell")])
-def test_a_robot_below_its_fall_height_fell(referee, first_state, index, height, verdict):
+def test_a_robot_that_stays_below_its_fall_height_fell(
+    referee, first_state, index, height, verdict
+):
     state = first_state.copy()
     state[index.pose("body")][2] = height
-    assert referee.verdict(0, state) == verdict
+    assert [referee.verdict(tick, state) for tick in range(50)] == [None] * 50  # one second
+    assert referee.verdict(50, state) == verdict
+
+
+def test_a_robot_that_crouches_and_comes_up_has_not_fallen(referee, first_state, index):
+    low = first_state.copy()
+    low[index.pose("body")][2] = 0.3
+    for tick in range(0, 90, 45):
+        assert [referee.verdict(tick, low) for _ in range(45)] == [None] * 45
+        assert referee.verdict(tick + 45, first_state) is None
 
 
 @pytest.mark.parametrize(("limit", "last"), [(None, 1500), (2.0, 100)])
