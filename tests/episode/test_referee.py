@@ -50,19 +50,23 @@ def test_success_that_must_hold_is_held_without_a_break(move_box, plant, at_goal
     assert referee.verdict(11, at_goal) == "success"
 
 
-@pytest.mark.parametrize(("height", "verdict"), [(0.36, None), (0.35, "fell"), (0.1, "fell")])
-def test_a_robot_that_stays_below_its_fall_height_fell(
-    referee, first_state, index, height, verdict
-):
+SIDE, LEVEL = [np.cos(0.6), np.sin(0.6), 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]  # rolled by 69 degrees
+
+
+@pytest.mark.parametrize(
+    ("height", "attitude", "verdict"),
+    [(0.36, SIDE, None), (0.3, SIDE, "fell"), (0.3, LEVEL, None), (0.1, LEVEL, "fell")],
+)
+def test_a_robot_that_stays_down_fell(referee, first_state, index, height, attitude, verdict):
     state = first_state.copy()
-    state[index.pose("body")][2] = height
+    state[index.pose("body")][2:] = height, *attitude
     assert [referee.verdict(tick, state) for tick in range(50)] == [None] * 50  # one second
     assert referee.verdict(50, state) == verdict
 
 
-def test_a_robot_that_crouches_and_comes_up_has_not_fallen(referee, first_state, index):
+def test_a_robot_that_comes_up_again_has_not_fallen(referee, first_state, index):
     low = first_state.copy()
-    low[index.pose("body")][2] = 0.3
+    low[index.pose("body")][2] = 0.1
     for tick in range(0, 90, 45):
         assert [referee.verdict(tick, low) for _ in range(45)] == [None] * 45
         assert referee.verdict(tick + 45, first_state) is None
