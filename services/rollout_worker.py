@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
@@ -23,6 +23,7 @@ from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import misfit
+from sumo_dist.wire.keys import checked_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -54,6 +55,11 @@ class WorkerOptions:
     name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
+
+    def __post_init__(self) -> None:
+        checked_name("worker", self.name)
+        if not 1 <= self.threads <= 256:
+            raise UsageError(f"threads must be from 1 to 256, got {self.threads}")
 
 
 def run(options: WorkerOptions, stop: threading.Event) -> None:
