@@ -1,0 +1,223 @@
+"""`sumo-dist run` from outside: what it writes, and what it says to bad input."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sumo_dist.cli import main
+from sumo_dist.policies.fetch import cached
+from sumo_dist.policies.manifest import pinned_policy
+from sumo_dist.record.recording import Recording
+
+QUICK = ["--set", "rollouts=6", "--set", "horizon=0.3", "--viewer", "none"]
+FREE = ["--listen", "tcp/127.0.0.1:0"]
+KEYS = {
+    *("task", "robot", "optimizer", "engine", "seed", "config_hash", "success"),
+    *("completion_time_s", "end_reason", "plans", "plan_ms_p50", "plan_ms_p99"),
+    *("missed_deadlines", "partial_plans", "rollouts_lost", "real_time_factor"),
+    *("plan_digest", "state_digest", "versions"),
+}
+
+
+def start(*args, **changes):
+    """Start sumo-dist in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "sumo_dist", *map(str, args)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **changes},
+    )
+
+
+def finish(process, timeout=60):
+    """Return exit code, stdout and stderr."""
+    try:
+        out, err = process.communicate(timeout=timeout)
+    finally:
+        process.kill()
+    assert "Traceback" not in err
+    return process.returncode, out, err
+
+
+def sumo_dist(*args, **changes):
+    return finish(start(*args, **changes))
+
+
+def refused(capsys, *args):
+    """Return the one line by which a run is refused."""
+    assert main(["run", *args]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("sumo-dist: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
+    out = tmp_path / "a" / "run"
+    args = ["--workers", workers, "--seed", 4, "--time-limit", 0.5, "--out", out, *QUICK, *FREE]
+    code, said, _ = sumo_dist("run", "spot/move_box", *args)
+    assert code == 1  # half a second is not enough
+    assert said.count("\n") == 1
+    assert said.startswith("spot/move_box seed 4: not solved: timeout, 10 plans of ")
+    assert said.endswith(f"; in {out}\n")
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary) >= KEYS
+    assert (summary["seed"], summary["plans"], summary["optimizer"]) == (4, 10, "cem")
+    recording = Recording.load(out / "run.npz")
+    assert recording.state_digest == summary["state_digest"]
+    assert recording.plan_digest == summary["plan_digest"]
+    assert len(recording.states) == 26
+    assert np.isfinite(recording.terms).all()
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["spot/none"], "unknown task 'spot/none'; valid: "),
+        (["spot/move_box", "--optimizer", "sgd"], "unknown optimizer 'sgd'; valid: cem, "),
+        (["spot/move_box", "--set", "rolouts=3"], "unknown setting 'rolouts'; valid: "),
+        (["spot/move_box", "--set", "rollouts=x"], "setting rollouts needs a value of type int"),
+        (["spot/move_box", "--set", "rollouts=0"], "rollouts must be from 1 to"),
+        (["spot/move_box", "--set", "horizon"], "is not of the form key=value"),
+        (["spot/move_box", "--viewer", "tv"], "unknown viewer 'tv'; valid: native, none, web"),
+        (["spot/move_box", "--engine", "warp"], "unknown engine 'warp'; valid: auto, fallback"),
+        (["spot/move_box", "--clock", "wall"], "unknown clock 'wall'; valid: lockstep, realtime"),
+        (["spot/move_box", "--estimator", "x"], "unknown estimator 'x'; valid: lowpass, truth"),
+        (["spot/move_box", "--workers", "-1"], "workers must be from 0 to 256, got -1"),
+        (["spot/move_box", "--workers", "999"], "workers must be from 0 to 256, got 999"),
+        (["spot/move_box", "--threads", "-2"], "threads must be from 1 to 256, got -2"),
+        (["spot/move_box", "--threads", "0"], "threads must be from 1 to 256, got 0"),
+        (["spot/move_box", "--seed", "-1"], "seed must be a whole number from 0"),
+        (["spot/move_box", "--time-limit", "0"], "time limit must be in (0, 3600] s, got 0.0"),
+        (["spot/move_box", "--wait", "nan"], "wait must be in (0, 3600] s, got nan"),
+        (["spot/move_box", "--listen", "foo"], "'foo' is not an endpoint; valid: tcp/HOST:PORT"),
+        (["spot/move_box", "--listen", "foo:0"], "is not an endpoint; valid: tcp/HOST:PORT"),
+        (["spot/move_box", "--speed", "fast"], "speed must be auto or a number in (0, 100]"),
+        (
+            ["spot/move_box", "--clock", "realtime", "--workers", "0"],
+            "the realtime clock plans asynchronously: it needs at least one worker",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_that_says_what_is_valid(capsys, tmp_path, args, message):
+    assert message in refused(capsys, *args, "--out", str(tmp_path))
+
+
+@pytest.mark.parametrize("where", ["/proc/none", "{}/a-file"])
+def test_a_folder_that_cannot_be_written_is_one_line(capsys, tmp_path, where):
+    (tmp_path / "a-file").touch()
+    out = where.format(tmp_path)
+    assert f"cannot write to {out}: " in refused(capsys, "spot/move_box", "--out", out)
+
+
+BROKEN = {
+    "<mujoco><worldbody><body>": "XML",
+    "<mujoco><worldbody><body><geom type='blob' size='1'/></body></worldbody></mujoco>": "blob",
+    "<mujoco><worldbody/></mujoco>": "an object has one top-level body, found 0",
+}
+TASK_FILE = """
+from dataclasses import replace
+from sumo_dist.model.scene import SceneObject
+from sumo_dist.tasks import load_task
+
+def task():
+    move = load_task("spot/move_box")
+    return replace(move, scene=replace(move.scene, objects=(SceneObject("box", "broken.xml"),)))
+"""
+
+
+@pytest.mark.parametrize("mjcf", BROKEN)
+def test_a_broken_model_is_one_line_that_names_it(capsys, tmp_path, mjcf):
+    (tmp_path / "broken.xml").write_text(mjcf)
+    (tmp_path / "my_task.py").write_text(TASK_FILE)
+    line = refused(capsys, str(tmp_path / "my_task.py"), "--out", str(tmp_path / "run"))
+    assert "broken.xml" in line
+    assert BROKEN[mjcf] in line
+
+
+def test_a_corrupt_policy_file_is_named_with_what_heals_it(tmp_path):
+    good = cached(pinned_policy("spot"))
+    folder = tmp_path / "policies"
+    folder.mkdir()
+    (folder / good.name).write_bytes(good.read_bytes()[:-1] + b"x")
+    args = ["--workers", "2", "--out", tmp_path / "run", *QUICK, *FREE]
+    code, out, err = sumo_dist("run", "spot/move_box", *args, SUMO_DIST_CACHE=str(tmp_path))
+    assert (code, out) == (3, "")
+    assert f"{good.name} is not the pinned file" in err
+    assert "heal it with: rm " in err
+    assert err.count("sumo-dist: ") == 1
+
+
+@pytest.mark.slow
+def test_a_taken_port_ends_the_run_with_its_reason(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        args = ["--workers", "1", "--listen", endpoint, "--out", tmp_path, *QUICK]
+        code, out, err = sumo_dist("run", "spot/move_box", *args)
+    assert (code, out) == (3, "")
+    assert f"cannot listen on {endpoint}: the port is taken, perhaps by another router" in err
+    assert "sumo-dist: router ended with exit code 3" in err
+
+
+def descendants(pid):
+    """Processes that a launcher of this pid has started, as /proc knows them."""
+    mark = f"SUMO_DIST_PARENT={pid}\0".encode()
+    found = []
+    for environment in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if mark in environment.read_bytes():
+                found.append(int(environment.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def until(condition, timeout):
+    deadline = time.monotonic() + timeout
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs Linux's /proc")
+@pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_no_service_outlives_its_launcher(tmp_path, end, code):
+    args = ["--workers", "2", "--out", tmp_path, "--viewer", "none", *FREE]
+    launcher = start("run", "spot/move_box", *args)
+    try:
+        while "cost" not in launcher.stderr.readline():  # until the first plan
+            assert launcher.poll() is None
+        assert len(descendants(launcher.pid)) >= 6
+        launcher.send_signal(end)
+        assert launcher.wait(20.0) == code
+        assert until(lambda: not descendants(launcher.pid), 20.0)
+        assert "Traceback" not in launcher.stderr.read()
+    finally:
+        for pid in descendants(launcher.pid):
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_what_a_run_in_one_process_has_recorded(tmp_path):
+    args = ["--workers", "0", "--out", tmp_path, "--viewer", "none"]
+    process = start("run", "spot/move_box", *args)
+    assert "cost" in process.stderr.readline()  # the first plan is made
+    process.send_signal(signal.SIGINT)
+    code, out, _ = finish(process)
+    assert code == 3
+    assert "not solved: interrupted" in out
+    assert json.loads((tmp_path / "summary.json").read_text())["end_reason"] == "interrupted"
+    assert len(Recording.load(tmp_path / "run.npz").states) >= 1
