@@ -81,10 +81,9 @@ class System:
         self._services = {}
         self.processes = {}
 
-    def start(self, *services):
-        for service in services:
-            self._services[service.name] = service
-            self.processes[service.name] = self._launcher.start(service)
+    def start(self, service):
+        self._services[service.name] = service
+        self.processes[service.name] = self._launcher.start(service)
 
     def restart(self, name):
         self.kill(name)
@@ -124,14 +123,16 @@ def run_system(endpoint, tmp_path):
     """Return a function that starts a run of spot/move_box with quick plans."""
     with ExitStack() as stack:
 
-        def run(workers=2, threads=1, speed=None, wait=20.0, **changes):
+        def run(workers=2, threads=1, speed=None, wait=20.0, worker_engine="auto", **changes):
             episode = EpisodeConfig("spot/move_box", **{"seed": 1, "planner": QUICK, **changes})
             crew = Crew(episode, workers, threads, tmp_path, None, speed, wait)
             launcher = stack.enter_context(Launcher())
             launcher.start(Service("router", "router", Router(endpoint)))
             bus = stack.enter_context(Bus.dial(endpoint, "spot"))
             system = System(launcher, bus, tmp_path)
-            system.start(*services(crew, endpoint))
+            for service in services(crew, endpoint):
+                changes = {"engine": worker_engine} if service.command == "rollout-worker" else {}
+                system.start(replace(service, options=replace(service.options, **changes)))
             return system
 
         yield run

@@ -3,6 +3,7 @@
 import signal
 import time
 from dataclasses import replace
+from importlib.util import find_spec
 
 import pytest
 
@@ -98,6 +99,20 @@ def test_without_an_estimator_the_run_ends_with_a_reason(run_system):
     code, summary = system.finish()
     assert code == 3
     assert summary["end_reason"] == "fault: no answer to the request for a state in 1.5 s"
+
+
+@pytest.mark.skipif(find_spec("sumo_dist.rollout._native") is None, reason="not compiled here")
+def test_a_worker_of_another_build_is_refused_on_both_sides(run_system, capfd):
+    system = run_system(workers=1, time_limit=0.5, wait=3.0, worker_engine="native-portable")
+    code, summary = system.finish()
+    assert code == 3
+    assert summary["end_reason"] == "fault: no answer to the request for a plan in 3 s"
+    assert system.processes["local-0"].wait(10.0) == 3
+    err = capfd.readouterr().err
+    assert "worker local-0 is left out: its build is " in err
+    assert "sumo-dist: this worker does not fit the optimizer: its build is " in err
+    remedy = "if only the instruction sets differ, give all of them --engine native-portable"
+    assert err.count(remedy) == 2
 
 
 def test_lowpass_estimates_are_the_same_over_zenoh(run_system, expected_digests):
