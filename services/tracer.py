@@ -8,7 +8,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -196,7 +195,7 @@ class Tracer:
                 self._event(item.level, f"{item.source}: {item.text}")
             case Presence():
                 self._presence(item)
-            case RunEnd():
+            case RunEnd() if not self.ended:
                 self.ended = True
                 self._event(
                     "info" if item.success else "warning", f"the run has ended: {item.reason}"
@@ -223,6 +222,19 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     Raises:
         SumoError: there is no router, or the `view` extra is not installed.
     """
+    import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
+
+    backlog = Backlog()
+    with Bus.dial(options.connect, options.robot, run=options.run) as bus:
+        # Listen first: by the time that Rerun is loaded, the run may have begun.
+        for kind in (State, Status, PlanMessage, Traces, Event, RunEnd):
+            bus.subscribe(kind, backlog.put)
+        bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
+        bus.announce("tracer", "main")
+        _trace(options, backlog, stop)
+
+
+def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> None:
     from sumo_dist.view.outputs import Outputs
     from sumo_dist.view.rrd_file import RrdFile
     from sumo_dist.view.run_logger import RunLogger
@@ -230,18 +242,12 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
 
     file = RrdFile(options.out / "run.rrd", _log.warning)
     port = None if options.viewer == "none" else free_port(SERVER_PORT)
-    backlog = Backlog()
-    with ExitStack() as stack:
-        out = stack.enter_context(Outputs(options.run, file, port))
-        viewer = stack.enter_context(_open_viewer(options.viewer, out.url))
+    with (
+        Outputs(options.run, file, port) as out,
+        _open_viewer(options.viewer, out.url) as viewer,
+    ):
         logger = RunLogger(out, load_task(options.episode.task), options.episode, distributed=True)
-        tracer = Tracer(logger, options.episode.planner.iterations)
-        with Bus.dial(options.connect, options.robot, run=options.run) as bus:
-            for kind in (State, Status, PlanMessage, Traces, Event, RunEnd):
-                bus.subscribe(kind, backlog.put)
-            bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
-            bus.announce("tracer", "main")
-            _follow(tracer, backlog, viewer, stop)
+        _follow(Tracer(logger, options.episode.planner.iterations), backlog, viewer, stop)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
         while options.linger and viewer.running() and not stop.wait(_IDLE_S):
@@ -250,7 +256,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
 
 def _follow(tracer: Tracer, backlog: Backlog, viewer: "Viewer", stop: threading.Event) -> None:
     """Show messages until the run has ended and all is shown."""
-    watched, stopped = viewer.running(), None
+    watched, stopped = viewer.opened, None
     while stopped is None or time.monotonic() < stopped + _LAST_WORDS_S:
         if stopped is None and stop.is_set():
             stopped = time.monotonic()

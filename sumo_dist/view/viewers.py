@@ -47,6 +47,11 @@ class Viewer:
         elif kind == "native":
             self._process = _start("--bind", "127.0.0.1", "--port", "auto", str(source))
 
+    @property
+    def opened(self) -> bool:
+        """Whether there was anything to open."""
+        return self._process is not None
+
     def running(self) -> bool:
         """Whether there is a viewer and its process has not ended."""
         return self._process is not None and self._process.poll() is None
