@@ -80,7 +80,7 @@ def _ending(recording: Recording, task: Task) -> str:
     """Say how a recorded run ended; a recording holds what happened, not the verdict."""
     referee = Referee(task, compile_model(task.scene, PLANT))
     verdicts = [referee.verdict(tick, state) for tick, state in enumerate(recording.states)]
-    return f"the run has ended: {verdicts[-1] or 'stopped'}"
+    return f"the run has ended: {verdicts[-1]}" if verdicts[-1] else "the recording ends here"
 
 
 def reports(recording: Recording) -> Iterator[PlanReport]:
@@ -102,6 +102,9 @@ def reports(recording: Recording) -> Iterator[PlanReport]:
             terms=recording.terms[i],
             plan_ms=float(recording.plan_ms[i]),
             own_ms=0.0,
+            age_ticks=int(recording.age_ticks[i]),
+            lost=int(recording.lost[i]),
+            reissued=int(recording.reissued[i]),
             failed=not finite.any(),
         )
 

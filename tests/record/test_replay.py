@@ -4,9 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.episode.referee import FALL_S
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.record.replay import to_rrd
+from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
 
 
@@ -86,9 +88,10 @@ def test_a_config_of_another_kind_is_a_usage_error(short_run, tmp_path):
 
 
 def test_the_verdict_is_the_last_event(short_run, tmp_path, read_rrd):
-    fallen = short_run.states[-1].copy()
-    fallen[2] = 0.1  # height of the base [m]
-    to_rrd(replace(short_run, states=[*short_run.states[:-1], fallen]), tmp_path / "run.rrd")
+    lying = short_run.states[-1].copy()
+    lying[2] = 0.1  # height of the base [m]
+    states = [*short_run.states, *[lying] * (round(FALL_S / TICK) + 2)]
+    to_rrd(replace(short_run, states=states), tmp_path / "run.rrd")
     events = read_rrd(tmp_path / "run.rrd").timed["/events"]
     assert events["TextLog:text"] == [["the run has ended: fell"]]
-    assert events["sim_time"][0].total_seconds() == (len(short_run.states) - 1) * 0.02
+    assert events["sim_time"][0].total_seconds() == pytest.approx((len(states) - 1) * TICK)
