@@ -69,12 +69,12 @@ def main(options: Options) -> int:
     if workers < 1:
         raise UsageError(f"workers must be at least 1, got {workers}")
     name, _ = checked_engine(options.engine)
-    moment = Moment.load()
+    about, moment = provenance(), Moment.load()
     episode = EpisodeConfig(moment.task, engine=options.engine)
     with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
         here, there = interleave(moment, local, remote, options.plans)
     result = {
-        **provenance(),
+        **about,
         "engine": name,
         "workers": workers,
         "plans": options.plans,

@@ -46,19 +46,21 @@ def machine() -> str:
 
 
 def provenance() -> dict[str, str]:
-    """What a figure must be read with: the code, what it stands on, and the machine."""
+    """What a figure must be read with: the code, the machine and its load now."""
     return {
         "sumo_dist": f"{importlib.metadata.version('sumo-dist')}{_commit()}",
         "mujoco": importlib.metadata.version("mujoco"),
         "python": platform.python_version(),
         "machine": machine(),
+        "load": f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown",
     }
 
 
 def heading(command: str, about: Mapping[str, str]) -> str:
     """Say which command made the tables below, of which code, on what machine."""
     versions = ", ".join(f"{key.replace('_', '-')} {about[key]}" for key in VERSIONS)
-    return f"# sumo-dist {command}\n\n{versions}; {about['machine']}."
+    machine = f"{about['machine']}, load average {about['load']} at the start"
+    return f"# sumo-dist {command}\n\n{versions}; {machine}."
 
 
 def checked_engine(kind: str) -> tuple[str, str]:

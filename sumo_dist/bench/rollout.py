@@ -83,10 +83,10 @@ def main(options: Options) -> int:
         raise UsageError(f"repeats must be at least 1, got {options.repeats}")
     threads = cores() if options.threads is None else options.threads
     name, build = checked_engine(options.engine)
-    moment = Moment.load()
+    about, moment = provenance(), Moment.load()
     rounds = measure(moment, options, threads)
     result = {
-        **provenance(),
+        **about,
         "engine": name,
         "engine_build": build,
         "threads": threads,
