@@ -89,7 +89,9 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
         except SumoError as error:
             reason = f"fault: {error}"
         wall = time.monotonic() - began
-        bus.publish(RunEnd(options.run, plant.tick, reason, success=reason == "success"))
+        for _ in range(3):  # messages may be dropped, and nobody answers this one
+            bus.publish(RunEnd(options.run, plant.tick, reason, success=reason == "success"))
+            time.sleep(0.02)
     return _write(options.out, recording, Ending(reason, wall))
 
 

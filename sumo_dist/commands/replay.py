@@ -36,6 +36,8 @@ def main(options: Options) -> int:
             raise UsageError(f"cannot render {options.render.name}; valid endings: {valid}")
         replay.render(recording, options.render)
         print(f"wrote {options.render}")
+    elif (trace := options.run / "run.rrd").exists():  # has the candidates of a distributed run
+        replay.show_file(trace, options.viewer)
     else:
         replay.show(recording, options.viewer)
     return 0

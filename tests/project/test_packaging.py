@@ -46,7 +46,7 @@ def copy_tree(target: Path) -> Path:
 
 def build_wheel(tree: Path, **changes: str) -> Path:
     done = run(
-        sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tree / "dist", tree,
+        sys.executable, "-P", "-m", "build", "--wheel", "--no-isolation", "--outdir", tree / "dist", tree,
         **changes,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
