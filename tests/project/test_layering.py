@@ -13,7 +13,12 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 LIBRARY = ("math", "robots", "model", "costs", "optim", "planner", "rollout", "estimate")
 DATA = ("errors", "policies", "tasks")  # what the library plans with, as free of processes as it is
-RERUN_USERS = ("sumo_dist.view", "sumo_dist.services.tracer", "sumo_dist.record.replay")
+RERUN_USERS = (
+    "sumo_dist.commands.doctor",  # asks whether it is there
+    "sumo_dist.record.replay",
+    "sumo_dist.services.tracer",
+    "sumo_dist.view",
+)
 
 
 def modules() -> dict[str, Path]:
