@@ -57,10 +57,17 @@ class RobotLink:
     def ask_plan(
         self, readings: Readings, request: PlanRequest, clock: Clock = "lockstep"
     ) -> PlanReport:
-        """Return the plan of a state. The readings go along, in case the optimizer missed them."""
+        """Return the plan of a state.
+
+        Asked again, the readings go along: the optimizer may have missed the state.
+        """
+        state_is_out = self._state is not None and self._state.tick == request.tick
 
         def publish() -> None:
-            self.send_readings(readings)
+            nonlocal state_is_out
+            if not state_is_out:
+                self.send_readings(readings)
+            state_is_out = False
             self.send_status(
                 request.tick, request.memory, request.previous, clock, wanted=request.number
             )
