@@ -7,22 +7,11 @@ import pytest
 
 from sumo_dist.cli import main
 
-DEAD = "tcp/127.0.0.1:9"
-
 
 def start(*args):
     return subprocess.Popen(
         [sys.executable, "-m", "sumo_dist", *args], stderr=subprocess.PIPE, text=True
     )
-
-
-@pytest.fixture(scope="module")
-def lonely_worker():
-    """Start a worker without a router; it waits for one while other tests run."""
-    worker = start("rollout-worker", "--connect", DEAD)
-    yield worker
-    worker.kill()
-    worker.wait()
 
 
 @pytest.mark.parametrize(
@@ -33,7 +22,7 @@ def lonely_worker():
         (["optimizer", "--task", "spot/none"], "unknown task 'spot/none'; valid: "),
     ],
 )
-def test_a_service_that_cannot_start_says_why_in_one_line(lonely_worker, args, message):
+def test_a_service_that_cannot_start_says_why_in_one_line(args, message):
     service = start(*args)
     _, err = service.communicate(timeout=30)
     assert service.returncode == 2
@@ -54,11 +43,10 @@ def test_a_workers_options_are_checked_before_it_looks_for_a_router(capsys, args
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_without_a_router_a_service_gives_up_and_says_how_to_start_one(lonely_worker):
     _, err = lonely_worker.communicate(timeout=30)
     assert lonely_worker.returncode == 3
     assert err == (
-        f"sumo-dist: no router at {DEAD} (waited 10 s): "
-        f"start one with `sumo-dist router --listen {DEAD}`\n"
+        "sumo-dist: no router at tcp/127.0.0.1:9 (waited 10 s): "
+        "start one with `sumo-dist router --listen tcp/127.0.0.1:9`\n"
     )

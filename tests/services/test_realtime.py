@@ -12,7 +12,7 @@ import pytest
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 SPEED = 0.3  # a planning period is 0.17 s of wall time
-LIMIT = 1.2  # [s]: 24 plans
+LIMIT = 1.0  # [s]: 20 plans
 
 
 @pytest.fixture(autouse=True)
@@ -39,10 +39,10 @@ def test_plans_come_on_time(start):
     code, summary = system.finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     assert summary["real_time_factor"] == pytest.approx(SPEED, rel=0.05)
-    assert summary["plans"] >= 20
+    assert summary["plans"] >= 16
     recording = system.recording()
     assert recording.plan_numbers == sorted(set(recording.plan_numbers))
-    assert recording.plan_numbers[-1] >= 22
+    assert recording.plan_numbers[-1] >= 18
     assert robot_stood(system)
 
 
@@ -57,7 +57,7 @@ def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
     assert summary["rollouts_lost"] > 0
     assert summary["partial_plans"] > 0
     recording = system.recording()
-    assert recording.plan_numbers[-1] >= 22
+    assert recording.plan_numbers[-1] >= 18
     assert recording.lost[-1] == 0  # the other worker has taken over
     assert robot_stood(system)
 
@@ -75,7 +75,7 @@ def test_without_workers_the_plan_goes_on_until_one_is_back(start):
 
 
 def test_without_an_optimizer_the_robot_follows_its_plan_and_then_stands(start):
-    system = start(time_limit=1.5)
+    system = start(time_limit=1.6)
     system.after_plan(5)
     system.kill("optimizer")
     code, summary = system.finish()
@@ -88,12 +88,12 @@ def test_without_an_optimizer_the_robot_follows_its_plan_and_then_stands(start):
 
 
 def test_a_restarted_optimizer_goes_on(start):
-    system = start(time_limit=1.5)
+    system = start(time_limit=1.3)
     system.after_plan(5)
     system.restart("optimizer")
     code, summary = system.finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
-    assert system.recording().plan_numbers[-1] >= 28
+    assert system.recording().plan_numbers[-1] >= 24
     assert robot_stood(system)
 
 
