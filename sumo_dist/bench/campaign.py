@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,7 +36,8 @@ class Settings:
     Attributes:
         trials: seeds per task.
         seed0: the first seed.
-        optimizer: cem, mppi or ps.
+        preset: the planner's settings to start from: default or paper.
+        optimizer: one of those of `sumo-dist list`; by default the preset's.
         set: planner settings as key=value; `sumo-dist list` names all.
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
@@ -45,7 +46,8 @@ class Settings:
 
     trials: int = 20
     seed0: int = 1
-    optimizer: str = "cem"
+    preset: str = "default"
+    optimizer: str | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
     time_limit: float | None = None
@@ -64,7 +66,7 @@ class Settings:
 
     def planner(self) -> PlannerConfig:
         """Return the planner's settings, checked."""
-        return replace(PlannerConfig().with_settings(self.set), optimizer=self.optimizer)
+        return PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
 
     def episode(self, task: str, seed: int) -> EpisodeConfig:
         """Return what decides a trial, checked."""

@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ import tyro
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.tasks import load_task
@@ -28,7 +28,8 @@ class Options:
 
     Attributes:
         task: what to do: a name, `sumo-dist list` has all, or a file that defines task() -> Task.
-        optimizer: cem, mppi or ps.
+        preset: the planner's settings to start from: default or paper.
+        optimizer: one of those of `sumo-dist list`; by default the preset's.
         workers: rollout worker processes; 0 plans in this process, without Zenoh. By default one
             for each core.
         threads: rollout threads of each worker (of this process without workers).
@@ -46,7 +47,8 @@ class Options:
     """
 
     task: Annotated[str, tyro.conf.Positional]
-    optimizer: str = "cem"
+    preset: str = "default"
+    optimizer: str | None = None
     workers: int | None = None
     threads: int | None = None
     seed: int = 0
@@ -63,7 +65,7 @@ class Options:
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
-        planner = replace(PlannerConfig().with_settings(self.set), optimizer=self.optimizer)
+        planner = PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
         return EpisodeConfig(
             self.task, self.seed, planner, self.clock, self.estimator, self.time_limit, self.engine
         )
@@ -150,5 +152,8 @@ def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
     if _has_view():
         from sumo_dist.record import replay
 
-        replay.to_rrd(recording, out / "run.rrd")
+        try:
+            replay.to_rrd(recording, out / "run.rrd")
+        except SumoError as error:
+            _say(f"no run.rrd: {error}")
     return ending.exit_code

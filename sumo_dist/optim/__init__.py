@@ -3,12 +3,20 @@
 from sumo_dist.errors import unknown
 from sumo_dist.optim.cem import CrossEntropy
 from sumo_dist.optim.mppi import PathIntegral
-from sumo_dist.optim.optimizer import Belief, Optimizer, noise_ramp, sample
+from sumo_dist.optim.optimizer import Belief, Optimizer, coloring, noise_ramp, sample
 from sumo_dist.optim.ps import PredictiveSampling
 
 OPTIMIZERS = ("cem", "mppi", "ps")
 
-__all__ = ["OPTIMIZERS", "Belief", "Optimizer", "make_optimizer", "noise_ramp", "sample"]
+__all__ = [
+    "OPTIMIZERS",
+    "Belief",
+    "Optimizer",
+    "coloring",
+    "make_optimizer",
+    "noise_ramp",
+    "sample",
+]
 
 
 def make_optimizer(name: str, elites: int, temperature: float) -> Optimizer:

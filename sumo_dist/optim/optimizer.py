@@ -32,8 +32,25 @@ def noise_ramp(first: float, last: float, nodes: int, size: int) -> np.ndarray:
     return np.repeat(np.sqrt(np.linspace(first, last, nodes))[:, None], size, axis=1)
 
 
-def sample(belief: Belief, rollouts: int, rng: np.random.Generator) -> np.ndarray:
+def coloring(exponent: float, nodes: int) -> np.ndarray:
+    """Matrix (K, K) that turns white noise over the nodes into coloured noise of unit variance.
+
+    Its power falls as 1 / frequency^exponent; 0 is white, 2 wanders. The correlation is that of a
+    period of four horizons, so that the last node is not tied to the first.
+    """
+    frequency = np.fft.rfftfreq(4 * nodes)
+    frequency[0] = frequency[1]
+    correlation = np.fft.irfft(frequency**-exponent)[:nodes]  # Wiener-Khinchin
+    correlation = np.round(correlation / correlation[0], 12)  # white is exactly white
+    lag = np.abs(np.subtract.outer(np.arange(nodes), np.arange(nodes)))
+    return np.linalg.cholesky(correlation[lag])
+
+
+def sample(
+    belief: Belief, rollouts: int, rng: np.random.Generator, coloring: np.ndarray
+) -> np.ndarray:
     """Draw knots (B, K, n) float32, clipped to [-1, 1]; row 0 is the unperturbed mean."""
-    noise = rng.standard_normal((rollouts, *belief.mean.shape))
+    white = rng.standard_normal((rollouts, *belief.mean.shape))
+    noise = np.einsum("kj,bjn->bkn", coloring, white)
     noise[0] = 0.0
     return np.clip(belief.mean + belief.sigma * noise, -1.0, 1.0).astype(np.float32)

@@ -4,12 +4,17 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import get_args
+from typing import Any, Literal, get_args
+
+import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order
+from sumo_dist.model.scene import PLANT
 from sumo_dist.optim import OPTIMIZERS
 from sumo_dist.rollout.interface import TICK
+
+Execute = Literal["mean", "best"]
 
 # far beyond any use: a slip of the pen must not fill the memory
 _MOST = {"rollouts": 4096, "nodes": 100, "iterations": 100, "elites": 4096}
@@ -20,14 +25,18 @@ class PlannerConfig:
     """One set of settings for every task.
 
     Attributes:
-        optimizer: "cem", "mppi" or "ps".
+        optimizer: one of optim.OPTIMIZERS.
         horizon: [s], a whole number of policy steps.
-        rollouts: candidate plans per iteration, the unperturbed one included.
+        rollouts: candidates per plan, all iterations and their unperturbed means included.
         nodes: knots per plan.
         spline: "zero", "linear" or "cubic".
-        iterations: optimizer iterations per plan.
+        iterations: optimizer iterations per plan, among which the rollouts are divided.
+        decay: each iteration has this factor fewer rollouts than the one before it.
         variance_first, variance_last: noise variance of the first and last node, in normalised
             actions; linear between them (paper: 0.02 and 0.6).
+        noise_exponent: power of the noise falls as 1 / frequency^exponent over the nodes; 0 is
+            white: independent nodes.
+        execute: "mean" of the last iteration or the "best" candidate of all of them.
         elites: of CEM.
         temperature: of MPPI, in units of the costs' spread.
         timestep: physics step of the planning model [s].
@@ -40,21 +49,52 @@ class PlannerConfig:
     nodes: int = 4
     spline: Order = "linear"
     iterations: int = 1
+    decay: float = 1.0
     variance_first: float = 0.02
     variance_last: float = 0.6
+    noise_exponent: float = 0.0
+    execute: Execute = "mean"
     elites: int = 3
     temperature: float = 0.1
     timestep: float = 0.02
     fluid_density: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.optimizer not in OPTIMIZERS:
-            raise unknown("optimizer", self.optimizer, OPTIMIZERS)
-        if self.spline not in get_args(Order):
-            raise unknown("spline", self.spline, get_args(Order))
+        self._check_choices()
+        self._check_counts()
+        self._check_times()
+        for name in ("variance_first", "variance_last", "temperature"):
+            if not 0 < getattr(self, name) < 100:
+                raise UsageError(
+                    f"{name} must be positive and below 100, got {getattr(self, name)}"
+                )
+        if not 0 <= self.fluid_density < 100:
+            raise UsageError(f"fluid_density must be in [0, 100), got {self.fluid_density}")
+        if not 0 <= self.noise_exponent <= 4:
+            raise UsageError(f"noise_exponent must be from 0 to 4, got {self.noise_exponent}")
+        if not 1 <= self.decay <= 10:
+            raise UsageError(f"decay must be from 1 to 10, got {self.decay}")
+
+    def _check_choices(self) -> None:
+        choices = {
+            "optimizer": OPTIMIZERS,
+            "spline": get_args(Order),
+            "execute": get_args(Execute),
+        }
+        for name, valid in choices.items():
+            if getattr(self, name) not in valid:
+                raise unknown(name, getattr(self, name), valid)
+
+    def _check_counts(self) -> None:
         for name, most in _MOST.items():
             if not 1 <= getattr(self, name) <= most:
                 raise UsageError(f"{name} must be from 1 to {most}, got {getattr(self, name)}")
+        if self.rollouts < self.iterations:
+            raise UsageError(
+                f"{self.iterations} iterations need at least as many rollouts, got {self.rollouts}"
+            )
+
+    def _check_times(self) -> None:
         if not 0 < self.horizon <= 20 or abs(self.horizon / TICK - self.steps) > 1e-6:
             raise UsageError(
                 f"horizon must be a multiple of {TICK} s up to 20 s, got {self.horizon}"
@@ -64,18 +104,32 @@ class PlannerConfig:
             raise UsageError(
                 f"timestep must divide {TICK} s and be at least {TICK / 100} s, got {self.timestep}"
             )
-        for name in ("variance_first", "variance_last", "temperature"):
-            if not 0 < getattr(self, name) < 100:
-                raise UsageError(
-                    f"{name} must be positive and below 100, got {getattr(self, name)}"
-                )
-        if not 0 <= self.fluid_density < 100:
-            raise UsageError(f"fluid_density must be in [0, 100), got {self.fluid_density}")
 
     @property
     def steps(self) -> int:
         """Policy steps T per rollout."""
         return round(self.horizon / TICK)
+
+    @property
+    def populations(self) -> tuple[int, ...]:
+        """Candidates of each iteration, at least one; together they are the rollouts."""
+        shares = self.decay ** -np.arange(self.iterations)
+        free = self.rollouts - self.iterations
+        ends = np.round(np.cumsum(shares) / shares.sum() * free).astype(int)
+        return tuple((1 + np.diff(ends, prepend=0)).tolist())
+
+    @classmethod
+    def preset(cls, name: str, optimizer: str | None = None) -> "PlannerConfig":
+        """Return settings by name: "default", or "paper" for the paper's letter.
+
+        Args:
+            name: of the preset.
+            optimizer: takes the place of the preset's, with the settings that suit it.
+        """
+        if name not in PRESETS:
+            raise unknown("preset", name, PRESETS)
+        preset = cls(**PRESETS[name])
+        return preset if optimizer is None else replace(preset, optimizer=optimizer)
 
     def with_settings(self, settings: Iterable[str]) -> "PlannerConfig":
         """Apply "key=value" texts; an unknown key or an unreadable value names what is valid."""
@@ -108,3 +162,26 @@ class PlannerConfig:
         """Short SHA-256 over the settings and the task they plan for."""
         text = json.dumps({"task": task_hash, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+# The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
+# its search depends on is written out, so that better defaults do not change it.
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper": {
+        "optimizer": "cem",
+        "horizon": 1.5,
+        "rollouts": 32,
+        "nodes": 4,
+        "spline": "linear",
+        "iterations": 1,
+        "decay": 1.0,
+        "variance_first": 0.02,
+        "variance_last": 0.6,
+        "noise_exponent": 0.0,
+        "execute": "mean",
+        "elites": 3,
+        "timestep": PLANT.timestep,
+        "fluid_density": PLANT.fluid_density,
+    },
+}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sumo_dist.optim import Belief, make_optimizer, noise_ramp, sample
+from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.plan import Plan
@@ -63,25 +63,24 @@ class Planner:
         self._sigma = noise_ramp(
             config.variance_first, config.variance_last, config.nodes, actions.size
         )
+        self._coloring = coloring(config.noise_exponent, config.nodes)
         self._node_times = np.linspace(0.0, config.horizon, config.nodes)
 
     def plan(self, request: PlanRequest, evaluate: Evaluate) -> PlanResult:
         """Run the iterations of one plan."""
         belief = Belief(self.shifted(request), self._sigma)  # (K, n)
-        belief, evaluation = self._improve(belief, request, 0, evaluate)
-        failed = not np.isfinite(evaluation.costs).any()
-        for iteration in range(1, self.config.iterations):
-            belief, evaluation = self._improve(belief, request, iteration, evaluate)
-            failed &= not np.isfinite(evaluation.costs).any()
-        return PlanResult(self._anchored(request, belief.mean), evaluation, failed)
-
-    def _improve(
-        self, belief: Belief, request: PlanRequest, iteration: int, evaluate: Evaluate
-    ) -> tuple[Belief, Evaluation]:
-        rng = self._rng(request.number, iteration)
-        knots = sample(belief, self.config.rollouts, rng)  # (B, K, n)
-        evaluation = evaluate(request, iteration, knots)
-        return self._optimizer.update(belief, knots, evaluation.costs), evaluation
+        best, lowest = belief.mean, np.inf
+        for iteration, count in enumerate(self.config.populations):
+            rng = self._rng(request.number, iteration)
+            knots = sample(belief, count, rng, self._coloring)  # (B, K, n)
+            evaluation = evaluate(request, iteration, knots)
+            belief = self._optimizer.update(belief, knots, evaluation.costs)
+            row = int(np.argmin(evaluation.costs))
+            if evaluation.costs[row] < lowest:
+                best, lowest = knots[row], evaluation.costs[row]
+        chosen = best if self.config.execute == "best" else belief.mean
+        failed = not np.isfinite(lowest)
+        return PlanResult(self._anchored(request, chosen), evaluation, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:
         """Knots (K, n) of the previous plan at the new node times; at first, stand and wait."""

@@ -91,8 +91,8 @@ def test_every_spline_can_be_flown(spline):
 
 
 def test_candidates_lost_to_divergence_do_not_stop_the_run():
-    """The finest of limits: one rollout, one node, one tick of horizon, more than one iteration."""
-    planner = PlannerConfig(rollouts=1, nodes=1, horizon=0.02, iterations=2)
+    """The finest of limits: one rollout an iteration, one node, one tick of horizon."""
+    planner = PlannerConfig(rollouts=2, nodes=1, horizon=0.02, iterations=2)
     recording, ending = run(planner=planner, time_limit=0.2)
     assert ending.reason == "timeout"
     assert np.isfinite(np.array(recording.knots)).all()

@@ -4,10 +4,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sumo_dist.errors import UsageError
-from sumo_dist.optim import OPTIMIZERS, Belief, make_optimizer, noise_ramp, sample
+from sumo_dist.optim import OPTIMIZERS, Belief, coloring, make_optimizer, noise_ramp
+from sumo_dist.optim import sample as sample_coloured
 
 RAMP = noise_ramp(0.02, 0.6, 4, 9)
 BELIEF = Belief(np.linspace(-1.2, 0.9, 36).reshape(4, 9), RAMP)
+
+
+def sample(belief, rollouts, rng, exponent=0.0):
+    return sample_coloured(belief, rollouts, rng, coloring(exponent, len(belief.mean)))
 
 
 def generator(seed):
@@ -48,6 +53,37 @@ def test_sampled_noise_has_the_ramps_spread():
 def test_samples_are_decided_by_the_generator():
     assert np.array_equal(sample(BELIEF, 8, generator(3)), sample(BELIEF, 8, generator(3)))
     assert not np.array_equal(sample(BELIEF, 8, generator(3)), sample(BELIEF, 8, generator(4)))
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 3, 4, 7, 30])
+def test_noise_of_exponent_0_is_exactly_white(nodes):
+    assert np.array_equal(coloring(0.0, nodes), np.eye(nodes))
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("nodes", [1, 2, 4, 30, 100])
+def test_coloured_noise_has_unit_variance_and_fades_with_distance(exponent, nodes):
+    covariance = coloring(exponent, nodes) @ coloring(exponent, nodes).T
+    assert np.diag(covariance) == pytest.approx(np.ones(nodes))
+    assert (np.diff(covariance[0]) <= 1e-9).all()  # the last node is not tied to the first
+
+
+def test_a_higher_exponent_ties_neighbours_more():
+    ties = [coloring(exponent, 4)[1, 0] for exponent in (0.0, 0.5, 1.0, 2.0, 3.0)]
+    assert ties == sorted(ties)
+    assert ties == pytest.approx([0.0, 0.25, 0.48, 0.78, 0.90], abs=0.01)
+
+
+def test_coloured_samples_have_the_ramps_spread_and_the_ties():
+    belief = Belief(np.zeros((4, 9)), RAMP * 0.1)
+    noise = sample(belief, 20_000, generator(1), exponent=2.0)[1:] / (RAMP * 0.1)
+    assert noise.std(axis=0) == pytest.approx(np.ones((4, 9)), rel=0.03)
+    assert np.mean(noise[:, 0] * noise[:, 1]) == pytest.approx(0.78, abs=0.02)
+    assert np.mean(noise[:, 0, 0] * noise[:, 0, 1]) == pytest.approx(0.0, abs=0.02)
+
+
+def test_the_number_of_candidates_does_not_change_them():
+    assert np.array_equal(sample(BELIEF, 8, generator(3)), sample(BELIEF, 20, generator(3))[:8])
 
 
 @pytest.mark.parametrize("name", OPTIMIZERS)

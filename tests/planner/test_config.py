@@ -1,9 +1,13 @@
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sumo_dist.errors import UsageError
-from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.model.scene import PLANT
+from sumo_dist.planner.config import PRESETS, PlannerConfig
+from sumo_dist.planner.problem import planning_options
 
 
 def test_defaults_are_the_papers():
@@ -23,6 +27,12 @@ def test_defaults_are_the_papers():
         ({"nodes": 0}, "nodes must be from 1 to"),
         ({"nodes": 10**6}, "nodes must be from 1 to"),
         ({"iterations": 0}, "iterations must be from 1 to"),
+        ({"iterations": 33}, "33 iterations need at least as many rollouts, got 32"),
+        ({"decay": 0.9}, "decay must be from 1 to 10, got 0.9"),
+        ({"decay": float("nan")}, "decay must be from 1 to 10"),
+        ({"noise_exponent": -1.0}, "noise_exponent must be from 0 to 4, got -1.0"),
+        ({"noise_exponent": float("nan")}, "noise_exponent must be from 0 to 4"),
+        ({"execute": "median"}, "unknown execute 'median'; valid: best, mean"),
         ({"elites": 0}, "elites must be from 1 to"),
         ({"horizon": 0.0}, "horizon must be a multiple of 0.02 s up to 20 s, got 0.0"),
         ({"horizon": 0.03}, "horizon must be a multiple of 0.02 s"),
@@ -100,7 +110,56 @@ def test_the_hash_depends_on_every_setting_and_on_the_task():
     base = PlannerConfig().hash("task")
     assert PlannerConfig().hash("task") == base
     assert PlannerConfig().hash("other") != base
-    changes = {"optimizer": "ps", "spline": "zero", "timestep": 0.01}
+    changes = {"optimizer": "ps", "spline": "zero", "timestep": 0.01, "execute": "best"}
     for name, value in asdict(PlannerConfig()).items():
         change = {name: changes[name] if name in changes else value + 1}
         assert PlannerConfig(**change).hash("task") != base, name
+
+
+@pytest.mark.parametrize(
+    ("settings", "populations"),
+    [
+        ({}, (32,)),
+        ({"iterations": 2}, (16, 16)),
+        ({"iterations": 3}, (11, 10, 11)),
+        ({"iterations": 3, "decay": 1.25}, (13, 10, 9)),
+        ({"iterations": 4, "decay": 10.0}, (26, 4, 1, 1)),
+        ({"iterations": 32}, (1,) * 32),
+    ],
+)
+def test_iterations_divide_the_rollouts(settings, populations):
+    assert PlannerConfig(**settings).populations == populations
+
+
+@given(st.integers(1, 300), st.integers(1, 100), st.floats(1, 10))
+def test_every_iteration_has_a_candidate_and_none_is_lost(rollouts, iterations, decay):
+    iterations = min(iterations, rollouts)
+    config = PlannerConfig(rollouts=rollouts, iterations=iterations, decay=decay)
+    assert len(config.populations) == iterations
+    assert sum(config.populations) == rollouts
+    assert min(config.populations) >= 1
+
+
+def test_the_papers_preset_is_what_the_paper_prints():
+    paper = PlannerConfig.preset("paper")
+    assert (paper.optimizer, paper.elites, paper.iterations) == ("cem", 3, 1)
+    assert (paper.horizon, paper.rollouts, paper.nodes, paper.spline) == (1.5, 32, 4, "linear")
+    assert (paper.variance_first, paper.variance_last) == (0.02, 0.6)
+    assert (paper.noise_exponent, paper.execute) == (0.0, "mean")
+    assert planning_options(paper) == replace(PLANT, visuals=False)
+
+
+def test_better_defaults_do_not_reach_the_papers_preset():
+    """Only settings of other optimizers may be left to the defaults."""
+    left = {"temperature"}
+    assert set(PRESETS["paper"]) == set(asdict(PlannerConfig())) - left
+
+
+def test_a_preset_takes_another_optimizer():
+    config = PlannerConfig.preset("paper", "mppi")
+    assert (config.optimizer, config.timestep) == ("mppi", 0.01)
+
+
+def test_an_unknown_preset_names_the_valid_ones():
+    with pytest.raises(UsageError, match="unknown preset 'fast'; valid: default, paper"):
+        PlannerConfig.preset("fast")

@@ -139,3 +139,40 @@ def test_inner_iterations_of_cem_narrow_the_search():
     Planner(PlannerConfig(iterations=3), ACTIONS, seed=0).plan(request(), bowl)
     first, second, third = map(spread, bowl.asked)
     assert third < second < first
+
+
+def test_iterations_share_the_rollouts_of_a_plan():
+    bowl = Bowl()
+    Planner(PlannerConfig(iterations=3, decay=1.25), ACTIONS, seed=0).plan(request(), bowl)
+    assert [len(knots) for knots in bowl.asked] == [13, 10, 9]
+
+
+def test_each_iteration_starts_from_what_the_one_before_it_found():
+    bowl = Bowl()
+    Planner(PlannerConfig(iterations=2), ACTIONS, seed=0).plan(request(), bowl)
+    first, second = bowl.asked
+    elites = np.argsort(((first - 0.3) ** 2).sum(axis=(1, 2)))[:3]
+    assert second[0] == pytest.approx(first[elites].mean(axis=0))
+
+
+def test_the_best_candidate_of_all_iterations_can_be_executed():
+    bowl = Bowl()
+    config = PlannerConfig(iterations=3, execute="best")
+    plan = Planner(config, ACTIONS, seed=0).plan(request(), bowl).plan
+    candidates = np.concatenate(bowl.asked)
+    best = candidates[np.argmin(((candidates - 0.3) ** 2).sum(axis=(1, 2)))]
+    assert np.array_equal(plan.knots, best)
+
+
+def test_coloured_noise_makes_neighbouring_nodes_move_together():
+    def together(exponent):
+        bowl = Bowl()
+        config = PlannerConfig(
+            rollouts=4000, variance_first=0.01, variance_last=0.01, noise_exponent=exponent
+        )
+        Planner(config, ACTIONS, seed=0).plan(request(), bowl)
+        noise = bowl.asked[0][1:, :, 0]  # of a dimension that starts in the middle of its range
+        return np.corrcoef(noise[:, 1], noise[:, 2])[0, 1]
+
+    assert together(0.0) == pytest.approx(0.0, abs=0.1)
+    assert together(2.0) == pytest.approx(0.78, abs=0.1)

@@ -45,10 +45,8 @@ def copy_tree(target: Path) -> Path:
 
 
 def build_wheel(tree: Path, **changes: str) -> Path:
-    done = run(
-        sys.executable, "-P", "-m", "build", "--wheel", "--no-isolation", "--outdir", tree / "dist", tree,
-        **changes,
-    )  # fmt: skip
+    build = (sys.executable, "-P", "-m", "build", "--wheel", "--no-isolation")
+    done = run(*build, "--outdir", tree / "dist", tree, **changes)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     (wheel,) = (tree / "dist").glob("*.whl")
     return wheel
