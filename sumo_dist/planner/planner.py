@@ -69,7 +69,7 @@ class Planner:
     def plan(self, request: PlanRequest, evaluate: Evaluate) -> PlanResult:
         """Run the iterations of one plan."""
         belief = Belief(self.shifted(request), self._sigma)  # (K, n)
-        best, lowest = belief.mean, np.inf
+        best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(self.config.populations):
             rng = self._rng(request.number, iteration)
             knots = sample(belief, count, rng, self._coloring)  # (B, K, n)
@@ -78,6 +78,7 @@ class Planner:
             row = int(np.argmin(evaluation.costs))
             if evaluation.costs[row] < lowest:
                 best, lowest = knots[row], evaluation.costs[row]
+        assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
         return PlanResult(self._anchored(request, chosen), evaluation, failed)
