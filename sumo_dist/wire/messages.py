@@ -1,7 +1,7 @@
 """What the services say to each other. Every field's dtype, shape and range is part of its type.
 
 Sizes: B rollouts of a plan, b of a shard, K knots, n searched action dimensions, nm policy memory.
-Floats are finite: costs that are not travel as zeros beside a mask, see `finite_rows`.
+Floats are finite: costs that are not travel as zeros beside a mask.
 """
 
 from dataclasses import dataclass, fields
@@ -272,11 +272,3 @@ class RunEnd(Message):
     tick: Count
     reason: str
     success: bool
-
-
-def finite_rows(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split floats (B, ...) into what may travel: the finite rows, else zeros, and a mask (B,)."""
-    finite = np.array([bool(np.isfinite(row).all()) for row in values], bool)
-    kept = values.copy()
-    kept[~finite] = 0.0
-    return kept, finite

@@ -6,8 +6,8 @@ import pytest
 from sumo_dist.errors import SumoError
 from sumo_dist.model.scene import PLANNING, PLANT, Scene, compile_model
 from sumo_dist.policies.contract import PolicyContract, check
-from sumo_dist.robots import get_robot
 from sumo_dist.robots.robot import Robot
+from sumo_dist.robots.spot import SPOT
 
 JOINTS = ("hip", "knee", "hand")
 CONTRACT = PolicyContract(
@@ -55,7 +55,7 @@ def compile_toy(joints=JOINTS, driven=JOINTS, gains=((60, 1.5), (60, 1.5), (16, 
 
 @pytest.mark.parametrize("options", [PLANT, PLANNING])
 def test_spot_fits_its_policy(spot, options):
-    robot = get_robot("spot")
+    robot = SPOT
     check(spot.contract, robot, compile_model(Scene(robot), options))
 
 

@@ -3,19 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sumo_dist.errors import UsageError
-from sumo_dist.robots import get_robot
 from sumo_dist.robots.spot import SPOT, spot_actions
 
 UNSTOWED = [0.0, -0.9, 1.8, 0.0, -0.9, 0.0]
 PARTS = ("arm", "gripper", "legs", "torso")
 FRONT_LEFT, FRONT_RIGHT, GRIPPER = slice(10, 13), slice(13, 16), 9
-
-
-def test_an_unknown_robot_is_an_error_that_names_the_known_ones():
-    assert get_robot("spot") is SPOT
-    with pytest.raises(UsageError, match="unknown robot 'sport'; valid: spot"):
-        get_robot("sport")
 
 
 def test_the_stance_is_standing_with_the_arm_unstowed():

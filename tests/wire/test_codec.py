@@ -24,7 +24,6 @@ from sumo_dist.wire.messages import (
     State,
     Status,
     Traces,
-    finite_rows,
 )
 from sumo_dist.wire.schema import MAX_BYTES, WireError, record
 
@@ -212,16 +211,6 @@ def test_sizes_are_bounded_before_memory_is_spent():
 def test_nothing_is_sent_that_would_be_rejected(message, match):
     with pytest.raises(WireError, match=match):
         encode(message)
-
-
-def test_finite_rows_travel_and_come_back_as_lost():
-    costs = np.array([1.0, np.inf, np.nan, 2.0])
-    kept, finite = finite_rows(costs)
-    np.testing.assert_array_equal(kept, [1.0, 0.0, 0.0, 2.0])
-    np.testing.assert_array_equal(np.where(finite, kept, np.inf), [1.0, np.inf, np.inf, 2.0])
-    terms, valid = finite_rows(np.array([[1.0, 2.0], [np.nan, 3.0]]))
-    np.testing.assert_array_equal(terms, [[1.0, 2.0], [0.0, 0.0]])
-    assert valid.dtype == bool and valid.tolist() == [True, False]
 
 
 def accepted_means_valid(kind: type[Message], payload: bytes) -> None:
