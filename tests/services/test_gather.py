@@ -2,7 +2,7 @@
 
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -68,16 +68,27 @@ class Party:
         self.told = []
         self.stop = threading.Event()
         bus = stack.enter_context(Bus.dial(endpoint, robot, run="run"))
-        self.members = bus.watch("worker")
         self.evaluator = RemoteEvaluator(
             bus, "run", problem, config, BUILD, self.stop, lambda *told: self.told.append(told)
         )
 
-    def join(self, name, script=answer, build=BUILD):
+    def worker(self, name, script=answer, build=BUILD):
         worker = Worker(self._endpoint, self._robot, name, script, build)
         self._stack.callback(worker.bus.close)
-        assert self._eventually(lambda: name in {member.id for member in self.members.now})
         return worker
+
+    def join(self, *args, **kwargs):
+        """Add a worker; return when the evaluator has heard of it."""
+        with self.news():
+            return self.worker(*args, **kwargs)
+
+    @contextmanager
+    def news(self):
+        """Wait until what happens inside has reached the evaluator, which reads it later."""
+        inbox = self.evaluator._inbox
+        before = inbox.qsize()
+        yield
+        assert self._eventually(lambda: inbox.qsize() > before)
 
     def evaluate(self, number=0, deadline_s=None):
         deadline = None if deadline_s is None else time.monotonic() + deadline_s
@@ -122,7 +133,7 @@ def test_a_request_says_all_that_a_worker_must_know(party, problem, config):
 
 
 def test_waits_for_a_worker_to_join(party):
-    timer = threading.Timer(0.3, lambda: party.join("w-1"))
+    timer = threading.Timer(0.3, lambda: party.worker("w-1"))
     timer.start()
     assert np.array_equal(party.evaluate().costs, EXPECTED)
     timer.join()
@@ -230,12 +241,12 @@ def test_a_worker_of_another_build_is_left_out_with_the_remedy(party):
     assert party.heard("give all of them --engine native-portable")
 
 
-def test_a_refused_worker_is_welcome_after_a_restart(party, eventually):
+def test_a_refused_worker_is_welcome_after_a_restart(party):
     broken = party.join("w-1", lambda asked: answer(asked, start=asked.start + 1))
     party.join("good")
     party.evaluate(0)
-    broken.bus.close()
-    assert eventually(lambda: len(party.members.now) == 1)
+    with party.news():
+        broken.bus.close()
     mended = party.join("w-1")
     party.evaluate(1)
     assert mended.asked
@@ -256,27 +267,24 @@ def test_answers_to_an_earlier_plan_do_not_count(party):
     assert np.array_equal(party.evaluate(number=1).costs, EXPECTED)
 
 
-def test_the_last_words_of_a_worker_that_left_do_not_bring_it_back(party, eventually):
+def test_the_last_words_of_a_worker_that_left_do_not_bring_it_back(party):
     worker, leaving = party.join("w-1"), party.join("w-2")
     party.evaluate(0)
-    leaving.bus.close()
-    assert eventually(lambda: len(party.members.now) == 1)
+    with party.news():
+        leaving.bus.close()
     party.evaluate(1)
-    worker.bus.publish(answer(leaving.asked[0]))
-    time.sleep(0.1)
+    with party.news():
+        worker.bus.publish(answer(leaving.asked[0]))
     assert np.array_equal(party.evaluate(2).costs, EXPECTED)
     assert party.evaluator.workers == 1
 
 
-def test_a_worker_that_came_back_as_another_build_survives_the_end_of_the_old_one(
-    party, eventually
-):
+def test_a_worker_that_came_back_as_another_build_survives_the_end_of_the_old_one(party):
     """The old one's token outlives it by the lease when its host was cut off."""
     old = party.join("w-1", build="build-0")
     party.join("w-1")
-    assert eventually(lambda: len(party.members.now) == 2)
-    old.bus.close()
-    assert eventually(lambda: len(party.members.now) == 1)
+    with party.news():
+        old.bus.close()
     assert np.array_equal(party.evaluate(deadline_s=2.0).costs, EXPECTED)
 
 
