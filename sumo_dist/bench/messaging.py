@@ -14,7 +14,7 @@ import numpy as np
 
 from sumo_dist.bench.moment import Moment
 from sumo_dist.bench.planning import in_process, request
-from sumo_dist.bench.report import checked_engine, cores, heading, markdown, provenance
+from sumo_dist.bench.report import checked_engine, cores, heading, markdown, timing_provenance
 from sumo_dist.commands import serve
 from sumo_dist.commands.distributed import Crew, services
 from sumo_dist.episode.config import EpisodeConfig
@@ -69,7 +69,7 @@ def main(options: Options) -> int:
     if workers < 1:
         raise UsageError(f"workers must be at least 1, got {workers}")
     name, _ = checked_engine(options.engine)
-    about, moment = provenance(), Moment.load()
+    about, moment = timing_provenance(), Moment.load()
     episode = EpisodeConfig(moment.task, engine=options.engine)
     with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
         here, there = interleave(moment, local, remote, options.plans)

@@ -46,14 +46,19 @@ def machine() -> str:
 
 
 def provenance() -> dict[str, str]:
-    """What a figure must be read with: the code, the machine and its load now."""
+    """What decides a result: the code and the machine."""
     return {
         "sumo_dist": f"{importlib.metadata.version('sumo-dist')}{_commit()}",
         "mujoco": importlib.metadata.version("mujoco"),
         "python": platform.python_version(),
         "machine": machine(),
-        "load": f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown",
     }
+
+
+def timing_provenance() -> dict[str, str]:
+    """What a time must be read with: the code, the machine and its load now."""
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    return {**provenance(), "load": load}
 
 
 def heading(command: str, about: Mapping[str, str]) -> str:

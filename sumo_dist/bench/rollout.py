@@ -12,7 +12,7 @@ import numpy as np
 
 from sumo_dist.bench.moment import Moment
 from sumo_dist.bench.reference import Reference
-from sumo_dist.bench.report import checked_engine, cores, heading, markdown, provenance
+from sumo_dist.bench.report import checked_engine, cores, heading, markdown, timing_provenance
 from sumo_dist.bench.variant import Round, Variant, interleave, one_round, row
 from sumo_dist.errors import UsageError
 from sumo_dist.math import rotations
@@ -83,7 +83,7 @@ def main(options: Options) -> int:
         raise UsageError(f"repeats must be at least 1, got {options.repeats}")
     threads = cores() if options.threads is None else options.threads
     name, build = checked_engine(options.engine)
-    about, moment = provenance(), Moment.load()
+    about, moment = timing_provenance(), Moment.load()
     rounds = measure(moment, options, threads)
     result = {
         **about,

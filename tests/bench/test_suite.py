@@ -23,10 +23,7 @@ def arguments(out, *more):
 
 
 def rows(out):
-    """All that trials say, but how long they took and how loaded the machine was."""
     found = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
-    for row in found:
-        del row["provenance"]["load"]
     return sorted(
         ({k: v for k, v in row.items() if k not in TIMING} for row in found),
         key=lambda row: (row["task"], row["seed"], row["variant"]),
