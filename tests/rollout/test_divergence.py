@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.policies import PolicyContract
+from sumo_dist.robots.spot import SPOT
 from sumo_dist.rollout import FrameRef, make_engine
 from sumo_dist.rollout.hold import hold_targets
 
@@ -62,3 +63,14 @@ def test_engine_recovers(engine):
     healthy = roll_out(engine, forces)
     assert not roll_out(engine, np.full((4, 3), 1e9)).valid.any()
     np.testing.assert_array_equal(roll_out(engine, forces).states, healthy.states)
+
+
+def test_a_policy_network_survives_the_divergence_of_all_its_rows(model, policy, start, kind):
+    """With nobody left there is nothing to evaluate: the rollout ends, and the engine goes on."""
+    state, memory = start
+    wild = state.copy()
+    wild[model.nq :] = 1e6  # [m/s], [rad/s]
+    commands = np.tile(SPOT.default_command, (3, 5, 1))
+    with make_engine(model, policy, (FrameRef("body", "box"),), 1, kind) as engine:
+        assert not engine.rollout(wild, memory, commands).valid.any()
+        assert engine.rollout(state, memory, commands).valid.all()

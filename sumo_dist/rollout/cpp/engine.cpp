@@ -34,10 +34,10 @@ class Engine::Group {
   }
 
   void run() {
-    for (int tick = 0; tick < request_.ticks; ++tick) {
+    auto& live = lane_.live;
+    for (int tick = 0; tick < request_.ticks && !live.empty(); ++tick) {
       evaluate_policy(tick);
       const auto diverges = [&](int i) { return !advance(i, tick); };
-      auto& live = lane_.live;
       live.erase(std::remove_if(live.begin(), live.end(), diverges), live.end());
     }
     for (const int i : lane_.live) {
