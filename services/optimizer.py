@@ -146,7 +146,7 @@ class Service:
         """Whether a plan is to be made (or sent again) now."""
         if status.clock != "realtime":
             return status.wanted >= 0
-        return self._target(status) is not None
+        return status.speed > 0 and self._target(status) is not None
 
     def handle(self, state: State, status: Status) -> None:
         """Make and publish the plan that a status asks for, or repeat the one it has missed."""

@@ -1,7 +1,9 @@
 """The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -96,6 +98,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not args or args[0] in ("-h", "--help"):
         print(_overview())
         return 0 if args else 2
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
     try:
         if name not in COMMANDS:

@@ -43,6 +43,6 @@ def test_a_prediction_that_diverges_leaves_the_state_as_it_came(problem, plan, s
     state, memory = start
     wild = state.copy()
     wild[problem.model.nq :] = 1e6  # [m/s], [rad/s]
-    with problem.engine(threads=1, kind="fallback") as engine:
+    with problem.engine(threads=1) as engine:
         got, _ = forward(problem, engine, plan, 10, 30, (wild, memory))
     assert got is wild
