@@ -27,6 +27,16 @@ class Ends:
     def __init__(self, stack, endpoint, robot):
         self.other = stack.enter_context(Bus.dial(endpoint, robot))
         self.feed = Feed(stack.enter_context(Bus.dial(endpoint, robot, run="run")))
+        self.meet()
+
+    def meet(self):
+        """Speak until heard: what is said before the router knows both ends is lost."""
+        deadline = time.monotonic() + 5.0
+        while self.pair(timeout=0.05) is None:
+            assert time.monotonic() < deadline, "the feed hears nothing"
+            self.say(state(0), status(0))
+        while self.pair(timeout=0.05) is not None:
+            pass  # what was said twice
 
     def say(self, *messages):
         for message in messages:
