@@ -85,8 +85,9 @@ class System:
         self._services[service.name] = service
         self.processes[service.name] = self._launcher.start(service)
 
-    def restart(self, name):
+    def restart(self, name, pause=0.0):
         self.kill(name)
+        time.sleep(pause)
         self.start(self._services[name])
 
     def kill(self, name):

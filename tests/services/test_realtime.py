@@ -65,7 +65,7 @@ def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
 def test_without_workers_the_plan_goes_on_until_one_is_back(start):
     system = start(workers=1)
     system.after_plan(8)
-    system.restart("local-0")  # away for about a second of wall time
+    system.restart("local-0", pause=0.5)  # a quick one would still answer before the deadline
     code, summary = system.finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     recording = system.recording()

@@ -48,6 +48,18 @@ class Ends:
         self.link = RobotLink(
             bus, "run", wait, self.stop, lambda *told: self.told.append(told), self.seen.append
         )
+        self.meet()
+
+    def meet(self):
+        """Speak until heard: what is said before the router knows both ends is lost."""
+        deadline = time.monotonic() + 5.0
+        while not self.seen:
+            assert time.monotonic() < deadline, "the link hears nothing"
+            self.other.publish(plan_message(1000))
+            time.sleep(0.05)
+        time.sleep(0.1)  # for what was said twice
+        self.seen.clear()
+        self.link.new_plans()
 
 
 @pytest.fixture
