@@ -54,6 +54,9 @@ COMMANDS = {
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
     "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
+    "bench optimizers": Command(
+        "Compare the optimizers at the same budgets", "sumo_dist.bench.optimizers"
+    ),
     "bench suite": Command("Run a suite of the benchmark", "sumo_dist.bench.suite"),
     "bench report": Command(
         "Write a suite's results as a page and a table", "sumo_dist.bench.publish"

@@ -2,11 +2,13 @@
 
 from sumo_dist.errors import unknown
 from sumo_dist.optim.cem import CrossEntropy
+from sumo_dist.optim.cma import CovarianceAdaptation
+from sumo_dist.optim.icem import ImprovedCrossEntropy
 from sumo_dist.optim.mppi import PathIntegral
 from sumo_dist.optim.optimizer import Belief, Optimizer, coloring, noise_ramp, sample
 from sumo_dist.optim.ps import PredictiveSampling
 
-OPTIMIZERS = ("cem", "mppi", "ps")
+OPTIMIZERS = ("cem", "cma", "icem", "mppi", "ps")
 
 __all__ = [
     "OPTIMIZERS",
@@ -23,6 +25,10 @@ def make_optimizer(name: str, elites: int, temperature: float) -> Optimizer:
     """Build an optimizer; each takes of the parameters what it knows."""
     if name == "cem":
         return CrossEntropy(elites)
+    if name == "cma":
+        return CovarianceAdaptation()
+    if name == "icem":
+        return ImprovedCrossEntropy(elites)
     if name == "mppi":
         return PathIntegral(temperature)
     if name == "ps":

@@ -20,7 +20,11 @@ class Belief:
 
 
 class Optimizer(Protocol):
-    """One sampling-based optimizer; it keeps no state between calls."""
+    """One sampling-based optimizer; it keeps no state between calls.
+
+    What it learns from iteration to iteration of a plan is in the belief, which it may extend; the
+    first update of a plan is given a plain one.
+    """
 
     def update(self, belief: Belief, knots: np.ndarray, costs: np.ndarray) -> Belief:
         """Improve the belief from costs (B,), best is lowest, of knots (B, K, n); +inf is lost."""

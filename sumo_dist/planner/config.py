@@ -37,7 +37,7 @@ class PlannerConfig:
         noise_exponent: power of the noise falls as 1 / frequency^exponent over the nodes; 0 is
             white: independent nodes.
         execute: "mean" of the last iteration or the "best" candidate of all of them.
-        elites: of CEM.
+        elites: of CEM and iCEM.
         temperature: of MPPI, in units of the costs' spread.
         timestep: physics step of the planning model [s].
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
@@ -124,12 +124,14 @@ class PlannerConfig:
 
         Args:
             name: of the preset.
-            optimizer: takes the place of the preset's, with the settings that suit it.
+            optimizer: takes the place of the preset's, with the settings that make it itself.
         """
         if name not in PRESETS:
             raise unknown("preset", name, PRESETS)
         preset = cls(**PRESETS[name])
-        return preset if optimizer is None else replace(preset, optimizer=optimizer)
+        if optimizer is None:
+            return preset
+        return replace(preset, optimizer=optimizer, **_SUITED.get(optimizer, {}))
 
     def with_settings(self, settings: Iterable[str]) -> "PlannerConfig":
         """Apply "key=value" texts; an unknown key or an unreadable value names what is valid."""
@@ -184,4 +186,10 @@ PRESETS: dict[str, dict[str, Any]] = {
         "timestep": PLANT.timestep,
         "fluid_density": PLANT.fluid_density,
     },
+}
+
+# What adapts within a plan needs more than one iteration; the rest is iCEM's own.
+_SUITED: dict[str, dict[str, Any]] = {
+    "cma": {"iterations": 2},
+    "icem": {"iterations": 2, "decay": 1.25, "noise_exponent": 1.0, "execute": "best"},
 }

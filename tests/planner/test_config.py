@@ -20,7 +20,7 @@ def test_defaults_are_the_papers():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"optimizer": "sgd"}, "unknown optimizer 'sgd'; valid: cem, mppi, ps"),
+        ({"optimizer": "sgd"}, "unknown optimizer 'sgd'; valid: cem, cma, icem, mppi, ps"),
         ({"spline": "quintic"}, "unknown spline 'quintic'; valid: cubic, linear, zero"),
         ({"rollouts": 0}, "rollouts must be from 1 to"),
         ({"rollouts": 10**9}, "rollouts must be from 1 to"),
@@ -80,7 +80,7 @@ def test_settings_are_read_as_their_keys_type():
         ("rollouts=many", "setting rollouts needs a value of type int, got 'many'"),
         ("rollouts=3.5", "setting rollouts needs a value of type int, got '3.5'"),
         ("horizon=", "setting horizon needs a value of type float, got ''"),
-        ("optimizer=adam", "unknown optimizer 'adam'; valid: cem, mppi, ps"),
+        ("optimizer=adam", "unknown optimizer 'adam'; valid: cem, cma, icem, mppi, ps"),
     ],
 )
 def test_bad_settings_say_what_is_valid(setting, message):
@@ -158,6 +158,22 @@ def test_better_defaults_do_not_reach_the_papers_preset():
 def test_a_preset_takes_another_optimizer():
     config = PlannerConfig.preset("paper", "mppi")
     assert (config.optimizer, config.timestep) == ("mppi", 0.01)
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_optimizers_that_adapt_within_a_plan_get_iterations_to_do_so(preset):
+    given_ = PlannerConfig.preset(preset)
+    cma, icem = (PlannerConfig.preset(preset, name) for name in ("cma", "icem"))
+    assert cma == replace(given_, optimizer="cma", iterations=2)
+    assert (icem.iterations, icem.decay, icem.execute) == (2, 1.25, "best")
+    assert icem.noise_exponent > 0
+    assert sum(icem.populations) == given_.rollouts
+    assert icem.with_settings(["iterations=3"]).iterations == 3
+
+
+def test_an_unknown_optimizer_of_a_preset_names_the_valid_ones():
+    with pytest.raises(UsageError, match="unknown optimizer 'sgd'; valid: cem, cma, icem"):
+        PlannerConfig.preset("paper", "sgd")
 
 
 def test_an_unknown_preset_names_the_valid_ones():
