@@ -1,7 +1,6 @@
 """Where a run is written: an .rrd of bounded size, a live server on this machine, or both."""
 
 from collections.abc import Iterable, Sequence
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -86,12 +85,7 @@ class Outputs:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _count(self) -> None:
