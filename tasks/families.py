@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sumo_dist.costs.terms import CostTerm, norm
+from sumo_dist.costs.terms import CostTerm, fallen, norm
 from sumo_dist.costs.view import View
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
@@ -129,6 +129,7 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
             CostTerm("goal", to_goal, 60.0),
             CostTerm("gripper", gripper_to_aim, 4.0),
             CostTerm("velocity", speed, 20.0, "squared_mean"),
+            CostTerm("fall", robot_down, 2500.0, "any"),
         ),
         reset=MoveReset(thing.name, goal, robot, ring),
         success=solved,
@@ -164,6 +165,7 @@ def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) 
         cost=(
             CostTerm("upright", standing.off, 100.0),
             CostTerm("gripper", gripper_to_aim, 0.5),
+            CostTerm("fall", robot_down, 2500.0, "any"),
         ),
         reset=UprightReset(thing.name, thing.frames, solved, robot, ring),
         success=solved,
@@ -174,6 +176,11 @@ def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) 
 def gripper_to_aim(r: View) -> np.ndarray:
     """Distance of the gripper from the point it is drawn to, (B, T) [m]."""
     return norm(r.gripper.pos - r.aim.pos)
+
+
+def robot_down(r: View) -> np.ndarray:
+    """Whether the robot lies on the floor, (B, T)."""
+    return fallen(r.base, SPOT.fall_height)
 
 
 def left(r: View) -> np.ndarray:

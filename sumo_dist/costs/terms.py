@@ -6,8 +6,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from sumo_dist.costs.view import View
+from sumo_dist.costs.view import Frame, View
 from sumo_dist.errors import UsageError, unknown
+
+FALL_TILT = np.cos(np.pi / 3)  # z of the base's up axis: below it the robot lies on its side
 
 Reduction = Literal["mean", "squared_mean", "any"]
 
@@ -55,6 +57,16 @@ def norm(vectors: np.ndarray) -> np.ndarray:
     for i in range(1, vectors.shape[-1]):
         total = total + vectors[..., i] * vectors[..., i]
     return np.sqrt(total)
+
+
+def fallen(base: Frame, fall_height: float) -> np.ndarray:
+    """Whether a robot lies, (B, T): below its fall height [m] on its side, or far below it.
+
+    Lifting a heavy thing, it crouches below the height, level and for seconds.
+    """
+    height = base.pos[..., 2]
+    on_its_side = base.z[..., 2] < FALL_TILT
+    return (height <= fall_height / 2) | ((height <= fall_height) & on_its_side)
 
 
 def _reduce(values: np.ndarray, reduction: Reduction) -> np.ndarray:

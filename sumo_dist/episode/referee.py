@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 
+from sumo_dist.costs.terms import fallen
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks.task import Task
 
 FALL_S = 1.0  # a robot that is down for this long fell; before, it may still come up
-FALL_TILT = np.cos(np.pi / 3)  # z of the base's up axis: below it the robot lies on its side
 
 
 class Referee:
@@ -31,22 +31,14 @@ class Referee:
         self._held = self._held + 1 if bool(self._task.success(view)[0, 0]) else -1
         if self._held >= self._hold_ticks:
             return "success"
-        self._down = self._down + 1 if self._is_down(view) else 0
+        down = fallen(view.base, self._task.scene.robot.fall_height)[0, 0]
+        self._down = self._down + 1 if down else 0
         if self._down * TICK > FALL_S:
             return "fell"
         if tick < self._last_tick:
             return None
         held = (name for name, holds in self._task.failure.items() if holds(view)[0, 0])
         return next(held, "timeout")
-
-    def _is_down(self, view: View) -> bool:
-        """Whether the robot lies: below its fall height on its side, or far below it.
-
-        Lifting a heavy thing, it crouches below the height, level and for seconds.
-        """
-        height, limit = view.base.pos[0, 0, 2], self._task.scene.robot.fall_height
-        on_its_side = view.base.z[0, 0, 2] < FALL_TILT
-        return bool(height <= limit / 2 or (height <= limit and on_its_side))
 
     def view(self, state: np.ndarray) -> View:
         """Name the arrays of one state: one rollout of one step, without an action."""

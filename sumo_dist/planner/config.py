@@ -34,6 +34,7 @@ class PlannerConfig:
         decay: each iteration has this factor fewer rollouts than the one before it.
         variance_first, variance_last: noise variance of the first and last node, in normalised
             actions; linear between them (paper: 0.02 and 0.6).
+        base_noise: standard deviation of the base's velocities, over that of all other actions.
         noise_exponent: power of the noise falls as 1 / frequency^exponent over the nodes; 0 is
             white: independent nodes.
         execute: "mean" of the last iteration or the "best" candidate of all of them.
@@ -52,6 +53,7 @@ class PlannerConfig:
     decay: float = 1.0
     variance_first: float = 0.02
     variance_last: float = 0.6
+    base_noise: float = 1.0
     noise_exponent: float = 0.0
     execute: Execute = "mean"
     elites: int = 3
@@ -63,7 +65,7 @@ class PlannerConfig:
         self._check_choices()
         self._check_counts()
         self._check_times()
-        for name in ("variance_first", "variance_last", "temperature"):
+        for name in ("variance_first", "variance_last", "base_noise", "temperature"):
             if not 0 < getattr(self, name) < 100:
                 raise UsageError(
                     f"{name} must be positive and below 100, got {getattr(self, name)}"
@@ -180,6 +182,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "decay": 1.0,
         "variance_first": 0.02,
         "variance_last": 0.6,
+        "base_noise": 1.0,
         "noise_exponent": 0.0,
         "execute": "mean",
         "elites": 3,

@@ -63,6 +63,7 @@ class Planner:
         self._sigma = noise_ramp(
             config.variance_first, config.variance_last, config.nodes, actions.size
         )
+        self._sigma[:, actions.base] *= config.base_noise
         self._coloring = coloring(config.noise_exponent, config.nodes)
         self._node_times = np.linspace(0.0, config.horizon, config.nodes)
 

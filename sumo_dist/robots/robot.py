@@ -54,6 +54,11 @@ class ActionSpace:
         object.__setattr__(self, "searched", np.flatnonzero(self.upper > self.lower))
 
     @property
+    def base(self) -> np.ndarray:
+        """Which of the searched dimensions are velocities of the base, (ns,) bool."""
+        return np.array([self.names[i].startswith("base_") for i in self.searched], bool)
+
+    @property
     def size(self) -> int:
         """Number ns of dimensions that are searched."""
         return len(self.searched)
