@@ -79,6 +79,12 @@ COMMANDS = {
     "rollout-worker": Command(
         "Service: rolls out candidate plans", "sumo_dist.commands.serve", "Worker", "worker"
     ),
+    "trial-worker": Command(
+        "Service: runs trials for a benchmark",
+        "sumo_dist.commands.serve",
+        "TrialWorker",
+        "trials",
+    ),
     "tracer": Command(
         "Service: shows and records the run in Rerun",
         "sumo_dist.commands.serve",

@@ -2,7 +2,8 @@
 
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +12,8 @@ import numpy as np
 import tyro
 
 from sumo_dist.bench.journal import STANDING, Journal, Trial
-from sumo_dist.bench.processes import run_each
+from sumo_dist.bench.processes import Pool, Processes, run_each
+from sumo_dist.bench.remote import remote_pool
 from sumo_dist.bench.report import checked_engine, cores, provenance
 from sumo_dist.bench.results import recording_folder
 from sumo_dist.bench.standing import run_standing
@@ -25,6 +27,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
+from sumo_dist.wire.session import checked_endpoint
 
 Row = dict[str, Any]
 
@@ -41,7 +44,9 @@ class Settings:
         set: planner settings as key=value; `sumo-dist list` names all.
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
-        jobs: trials at a time; by default one for each core.
+        jobs: trials at a time in this machine's processes; by default one for each core.
+        listen: endpoint for `sumo-dist trial-worker` of other hosts, such as tcp/0.0.0.0:7448;
+            with it, jobs may be 0.
     """
 
     trials: int = 20
@@ -52,12 +57,15 @@ class Settings:
     engine: str = "auto"
     time_limit: float | None = None
     jobs: int | None = None
+    listen: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("trials", "jobs"):
+        for name, least in (("trials", 1), ("jobs", 1 if self.listen is None else 0)):
             value = getattr(self, name)
-            if value is not None and value < 1:
-                raise UsageError(f"{name} must be at least 1, got {value}")
+            if value is not None and value < least:
+                raise UsageError(f"{name} must be at least {least}, got {value}")
+        if self.listen is not None:
+            checked_endpoint(self.listen)
 
     @property
     def seeds(self) -> range:
@@ -109,7 +117,8 @@ class Campaign:
             UsageError: a setting is wrong, or the journal was made with other settings.
         """
         self.trials = trials
-        self._jobs = settings.jobs or cores()
+        self._jobs = cores() if settings.jobs is None else settings.jobs
+        self._listen = settings.listen
         self._episodes = {trial: settings.episode(trial.task, trial.seed) for trial in trials}
         self._common = _common_settings(next(iter(self._episodes.values())))
         one_each = {episode.task: episode for episode in self._episodes.values()}
@@ -164,18 +173,37 @@ class Campaign:
 
     def _each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
         began, died = time.monotonic(), 0
-        for number, (job, row) in enumerate(run_each(run_trial, todo, self._jobs), 1):
-            left = (time.monotonic() - began) / number * (len(todo) - number)
-            sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
-            if row is None:
-                died += 1
-                say(f"{_place(job)}: its process died")
-            else:
-                yield job, row
+        with ExitStack() as stack:
+            pools = [stack.enter_context(pool) for pool in self._pools(todo)]
+            for number, (job, row) in enumerate(run_each(todo, pools), 1):
+                left = (time.monotonic() - began) / number * (len(todo) - number)
+                sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
+                if row is None:
+                    died += 1
+                    say(f"{_place(job)}: its process died")
+                else:
+                    yield job, row
         if died:
             raise SumoError(
                 f"the processes of {died} trials died (out of memory?); run again to repeat them"
             )
+
+    def _pools(self, todo: Sequence[Job]) -> Iterator[AbstractContextManager[Pool[Job]]]:
+        """Yield what runs the trials; recordings are made here, where their folder is."""
+        if self._listen is None or not todo or any(job.folder for job in todo):
+            yield Processes(run_trial, max(1, self._jobs))
+            return
+        yield Processes(run_trial, self._jobs)
+        yield remote_pool(self._listen, self._common["engine_build"], say)
+
+
+def run_alone(variant: str, episode: EpisodeConfig) -> Row:
+    """Run a trial without a campaign around it, and return its row."""
+    trial = Trial(episode.task, episode.seed, variant)
+    settings = {**_common_settings(episode), **_task_settings(episode)}
+    return run_trial(
+        Job(trial, episode, {**trial._asdict(), **settings, "provenance": provenance()})
+    )
 
 
 def run_trial(job: Job) -> Row:

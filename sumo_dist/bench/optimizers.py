@@ -75,6 +75,7 @@ class Options(Settings):
             engine=self.engine,
             time_limit=self.time_limit,
             jobs=self.jobs,
+            listen=self.listen,
         )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sumo_dist.services import optimizer as optimizer_service
-from sumo_dist.services import robot_interface, rollout_worker, state_estimator
+from sumo_dist.services import robot_interface, rollout_worker, state_estimator, trial_worker
 from sumo_dist.services import router as router_service
 from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services.launcher import PARENT
@@ -20,6 +20,7 @@ Estimator = state_estimator.EstimatorOptions
 Optimizer = optimizer_service.OptimizerOptions
 Robot = robot_interface.RobotOptions
 Tracer = tracer_service.TracerOptions
+TrialWorker = trial_worker.TrialOptions
 Worker = rollout_worker.WorkerOptions
 
 
@@ -61,6 +62,13 @@ def worker(options: Worker) -> int:
     """Roll out until stopped."""
     with service() as stop:
         rollout_worker.run(options, stop)
+    return 0
+
+
+def trials(options: TrialWorker) -> int:
+    """Run trials until stopped."""
+    with service() as stop:
+        trial_worker.run(options, stop)
     return 0
 
 

@@ -272,3 +272,44 @@ class RunEnd(Message):
     tick: Count
     reason: str
     success: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRequest(Message):
+    """Campaign -> a trial worker: one whole episode.
+
+    Attributes:
+        worker: who is asked.
+        number: of the question, counted over the campaign's run.
+        variant: of the trial: planned, or standing.
+        episode: fields of the EpisodeConfig, without the planner and what is None.
+        planner: fields of its PlannerConfig.
+    """
+
+    topic: ClassVar[str] = "trial"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number",)
+    worker: Name
+    number: Count
+    variant: Name
+    episode: Annotated[dict[str, int | float | str], Settings()]
+    planner: Annotated[dict[str, int | float | str], Settings()]
+
+
+@dataclass(frozen=True, eq=False)
+class TrialReply(Message):
+    """A trial worker -> campaign: how the episode ended.
+
+    Attributes:
+        worker, number: of the request.
+        row: of the journal, JSON; "" if there is none.
+        refusal: why there is none.
+    """
+
+    topic: ClassVar[str] = "trial-result"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number",)
+    worker: Name
+    number: Count
+    row: Annotated[str, Text(longest=60_000)]
+    refusal: str

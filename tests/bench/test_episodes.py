@@ -43,7 +43,7 @@ def test_a_row_says_what_and_how(tmp_path, capsys):
     assert (row["task"], row["seed"], row["end_reason"]) == ("spot/move_box", 1, "timeout")
     assert row["success"] is False
     assert row["completion_time_s"] is None
-    assert set(row["final_costs"]) == {"goal", "gripper", "velocity"}
+    assert set(row["final_costs"]) == {"goal", "gripper", "velocity", "fall"}
     # The box does not move in 0.2 s: the goal's term is 60 per metre.
     assert row["final_costs"]["goal"] == pytest.approx(60 * row["final_goal_distance_m"], rel=1e-3)
     assert (recordings / "spot_move_box-1" / "run.npz").exists()

@@ -7,27 +7,48 @@ from pathlib import Path
 
 import pytest
 
-from sumo_dist.bench.processes import run_each
+from sumo_dist.bench.processes import Again, Processes, run_each
 from sumo_dist.bench.report import checked_engine
 from sumo_dist.errors import UsageError
 
 # A process imports what it runs by name, so the jobs here are functions that any of them has.
 
 SLEEP = "import os, pathlib, time; pathlib.Path({!r}).write_text(str(os.getpid())); time.sleep(60)"
-SLEEPER = "from sumo_dist.bench.processes import run_each; list(run_each(exec, [{!r}], 1))"
+SLEEPER = """
+from sumo_dist.bench.processes import Processes, run_each
+with Processes(exec, 1) as pool:
+    list(run_each([{!r}], [pool]))
+"""
+
+
+def each(function, jobs, limit=1):
+    with Processes(function, limit) as pool:
+        return list(run_each(jobs, [pool]))
 
 
 def test_every_job_is_answered_once():
-    assert sorted(run_each(abs, [-1, -2, -3], processes=2)) == [(-3, 3), (-2, 2), (-1, 1)]
+    assert sorted(each(abs, [-1, -2, -3], limit=2)) == [(-3, 3), (-2, 2), (-1, 1)]
 
 
 def test_a_process_that_dies_is_told():
-    assert list(run_each(os._exit, [5], processes=1)) == [(5, None)]
+    assert each(os._exit, [5]) == [(5, None)]
 
 
 def test_an_error_on_purpose_is_raised_here():
     with pytest.raises(UsageError, match="unknown engine 'diesel'; valid: auto"):
-        list(run_each(checked_engine, ["diesel"], processes=1))
+        each(checked_engine, ["diesel"])
+
+
+def test_pools_share_the_jobs_and_a_lost_one_is_done_by_another():
+    class Loser(Processes):
+        def result(self, ours):
+            super().result(ours)
+            self._limit = 0
+            raise Again
+
+    with Loser(abs, 1) as loser, Processes(abs, 1) as other:
+        assert sorted(run_each([-1, -2, -3], [loser, other])) == [(-3, 3), (-2, 2), (-1, 1)]
+        assert loser.free == 0 and other.free == 1
 
 
 @pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGINT])

@@ -127,7 +127,7 @@ def test_malformed_messages_are_counted_by_reason(pair, raw, caplog):
     inbox = receiver.inbox(State)
     key = topic_key("test-malformed-messages-are-counted-by-reason", "state")
     payload = encode(state(1))
-    wrong = payload.replace(b"\xa1v\x01", b"\xa1v\x02")
+    wrong = payload.replace(b"\xa1v" + bytes([SCHEMA]), b"\xa1v\x63")
     listening(receiver, sender)
     for junk in (b"", b"junk", payload[:-1], payload[:-1], wrong, encode(reply("w", 1))):
         raw.put(key, junk)

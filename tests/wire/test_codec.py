@@ -24,6 +24,8 @@ from sumo_dist.wire.messages import (
     State,
     Status,
     Traces,
+    TrialReply,
+    TrialRequest,
 )
 from sumo_dist.wire.schema import MAX_BYTES, WireError, record
 
@@ -54,6 +56,8 @@ MESSAGES = [
     Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
     RunEnd(RUN, 700, "success", True),
+    TrialRequest(RUN, "w-1.0", 4, "planned", {"task": "spot/move_box", "seed": 3}, {"nodes": 4}),
+    TrialReply(RUN, "w-1.0", 4, '{"task": "spot/move_box"}', ""),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))
@@ -103,7 +107,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (1, "130b34d6e42bafbd"), (
+    assert (SCHEMA, digest) == (2, "e1bc6d683a926102"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 
