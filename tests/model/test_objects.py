@@ -210,7 +210,7 @@ def test_a_tire_rolls():
     world.run(1.0)
     assert 0.3 < world.pose("tire")[0] - start < 0.415
     forward, spin = world.velocity("tire")[[0, 4]]
-    assert spin * 0.33 == pytest.approx(forward, rel=0.01)
+    assert spin * 0.33 == pytest.approx(forward, rel=0.03)
     assert abs(world.axis("tire", 1)[2]) < 1e-3  # and does not fall over
 
 
