@@ -97,8 +97,10 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
     """Spot moves an object to the origin with base and arm.
 
     Cost (paper): 60 ||p_obj - p_goal|| + 4 ||p_grip - p_obj|| + 20 ||v_obj||, averaged over the
-    rollout. The velocity term is the square of the mean speed, as released: the linear form makes
-    the robot timid (docs/decisions/0003).
+    rollout, and 2500 if the robot falls. The velocity term is the square of the mean speed, as
+    released: the linear form makes the robot timid. Ours is the term of an object that has tipped:
+    50 times the share of the rollout for which it has, so that setting it up again pays
+    (docs/decisions/0003).
 
     Args:
         thing: the object.
@@ -119,7 +121,8 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
     def tipped(r: View) -> np.ndarray:
         return thing.standing.off(r) > thing.standing.at(TIPPED)
 
-    failure: dict[str, Predicate] = {} if thing.any_side else {"tipped": tipped}
+    may_tip = not thing.any_side
+    failure: dict[str, Predicate] = {"tipped": tipped} if may_tip else {}
     return Task(
         name=f"spot/move_{thing.name}",
         scene=thing.scene,
@@ -129,6 +132,7 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
             CostTerm("goal", to_goal, 60.0),
             CostTerm("gripper", gripper_to_aim, 4.0),
             CostTerm("velocity", speed, 20.0, "squared_mean"),
+            *((CostTerm("tipped", tipped, 50.0, "share"),) if may_tip else ()),
             CostTerm("fall", robot_down, 2500.0, "any"),
         ),
         reset=MoveReset(thing.name, goal, robot, ring),
@@ -142,8 +146,9 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
 def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) -> Task:
     """Spot sets an object upright with base and arm, wherever it ends up standing.
 
-    Cost (paper): 100 (1 - z_obj . z) + 0.5 ||p_grip - p_obj||, averaged over the rollout; of the
-    tire, which may stand on any part of its tread, the first term is 100 |y_tire . z|.
+    Cost (paper): 100 (1 - z_obj . z) + 0.5 ||p_grip - p_obj||, averaged over the rollout, and 2500
+    if the robot falls; of the tire, which may stand on any part of its tread, the first term is
+    100 |y_tire . z|.
 
     Args:
         thing: the object.

@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 from sumo_dist.commands.doctor import Finding, examine
-from sumo_dist.costs.terms import evaluate
+from sumo_dist.costs.terms import INDICATORS, evaluate
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.episode.start import draw_start
 from sumo_dist.errors import UsageError
@@ -258,7 +258,7 @@ def sensitive(subject: Subject) -> Finding:
     for term, spread in zip(subject.task.cost, spreads, strict=True):
         if spread > SAY * spreads.max():
             continue
-        if term.reduction != "any":  # an indicator may well be of something rare
+        if term.reduction not in INDICATORS:  # an indicator may well be of something rare
             return Finding(
                 "fail",
                 f"{term.name} varies by {spread:.1e} over random plans, others by up to "

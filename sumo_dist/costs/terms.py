@@ -11,7 +11,8 @@ from sumo_dist.errors import UsageError, unknown
 
 FALL_TILT = np.cos(np.pi / 3)  # z of the base's up axis: below it the robot lies on its side
 
-Reduction = Literal["mean", "squared_mean", "any"]
+Reduction = Literal["mean", "squared_mean", "any", "share"]
+INDICATORS = ("any", "share")  # reductions of functions that are true or false
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class CostTerm:
         function: View -> (B, T).
         weight: negative for a reward.
         reduction: "mean" over the T steps; "squared_mean", the square of that mean; "any", an
-            indicator that counts once, unscaled, however long it holds.
+            indicator that counts once, unscaled, however long it holds; "share", an indicator that
+            counts by the share of the steps at which it holds.
     """
 
     name: str
@@ -72,6 +74,8 @@ def fallen(base: Frame, fall_height: float) -> np.ndarray:
 def _reduce(values: np.ndarray, reduction: Reduction) -> np.ndarray:
     if reduction == "any":
         return values.astype(bool).any(axis=1).astype(float)
+    if reduction == "share":
+        values = values.astype(bool)
     # Contiguous rows: numpy then sums each row alone, in the same order whatever the batch.
     mean = np.ascontiguousarray(values, dtype=float).mean(axis=1)
     return mean * mean if reduction == "squared_mean" else mean

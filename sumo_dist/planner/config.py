@@ -53,7 +53,7 @@ class PlannerConfig:
     decay: float = 1.0
     variance_first: float = 0.02
     variance_last: float = 0.6
-    base_noise: float = 1.0
+    base_noise: float = 2.0
     noise_exponent: float = 0.0
     execute: Execute = "mean"
     elites: int = 3

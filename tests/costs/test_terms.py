@@ -60,7 +60,9 @@ def test_a_wrong_shape_is_named_with_its_term(view, shape):
 
 
 def test_an_unknown_reduction_names_the_valid_ones():
-    with pytest.raises(UsageError, match="unknown reduction 'sum'; valid: any, mean, squared_mean"):
+    with pytest.raises(
+        UsageError, match="unknown reduction 'sum'; valid: any, mean, share, squared_mean"
+    ):
         CostTerm("t", constant(VALUES), 1.0, "sum")
 
 
@@ -88,7 +90,7 @@ def test_a_row_has_the_same_bits_in_any_batch(rows, steps, seed):
         def __init__(self, chosen):
             self.actions, self.chosen = np.zeros((*chosen.shape, 1)), chosen
 
-    for reduction in ("mean", "squared_mean", "any"):
+    for reduction in ("mean", "squared_mean", "any", "share"):
         term = CostTerm("t", lambda r: r.chosen, 3.7, reduction)
         alone = np.concatenate([term.evaluate(Rows(values[i : i + 1])) for i in range(rows)])
         assert np.array_equal(term.evaluate(Rows(values)), alone)

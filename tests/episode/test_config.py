@@ -32,7 +32,7 @@ def test_the_description_names_all_that_decides_a_run(move_box):
     assert (described["seed"], described["optimizer"]) == (2**62, "mppi")
     assert described["engine"] == "native-avx2"
     assert described["planner"]["rollouts"] == 5
-    assert described["terms"] == ["goal", "gripper", "velocity"]
+    assert described["terms"] == ["goal", "gripper", "velocity", "fall"]
     assert described["task_hash"] == problem.hash
     assert described["config_hash"] == planner.hash(problem.hash)
     assert {"sumo-dist", "mujoco", "numpy", "python"} <= set(described["versions"])

@@ -106,7 +106,7 @@ def test_realtime_needs_workers():
 def test_progress_tells_of_the_cost_every_two_seconds():
     lines = []
     config = EpisodeConfig("spot/move_box", seed=1, planner=QUICK, time_limit=2.1)
-    run_single(config, 1, Progress(["goal", "gripper", "velocity"], lines.append))
+    run_single(config, 1, Progress(["goal", "gripper", "velocity", "fall"], lines.append))
     assert len(lines) == 2
     assert lines[0].startswith("  0.0 s  cost ")
     assert lines[1].startswith("  2.0 s  cost ")

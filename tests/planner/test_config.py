@@ -10,8 +10,9 @@ from sumo_dist.planner.config import PRESETS, PlannerConfig
 from sumo_dist.planner.problem import planning_options
 
 
-def test_defaults_are_the_papers():
+def test_defaults_are_the_papers_but_for_the_noise_of_the_base():
     config = PlannerConfig()
+    assert config.base_noise == 2.0
     assert (config.horizon, config.rollouts, config.nodes, config.elites) == (1.5, 32, 4, 3)
     assert (config.variance_first, config.variance_last) == (0.02, 0.6)
     assert (config.optimizer, config.spline, config.steps) == ("cem", "linear", 75)
@@ -46,6 +47,7 @@ def test_defaults_are_the_papers():
         ({"timestep": float("nan")}, "timestep must divide 0.02 s"),
         ({"variance_first": 0.0}, "variance_first must be positive and below 100"),
         ({"variance_last": float("nan")}, "variance_last must be positive and below 100"),
+        ({"base_noise": 0.0}, "base_noise must be positive and below 100"),
         ({"temperature": -1.0}, "temperature must be positive and below 100"),
         ({"fluid_density": -1.0}, r"fluid_density must be in \[0, 100\)"),
         ({"fluid_density": float("nan")}, r"fluid_density must be in \[0, 100\)"),

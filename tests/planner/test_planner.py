@@ -176,3 +176,15 @@ def test_coloured_noise_makes_neighbouring_nodes_move_together():
 
     assert together(0.0) == pytest.approx(0.0, abs=0.1)
     assert together(2.0) == pytest.approx(0.78, abs=0.1)
+
+
+def test_the_base_is_searched_with_a_noise_of_its_own():
+    """Velocities may jump, joint targets topple the robot: the ratio is of standard deviations."""
+    spreads = {}
+    for ratio in (1.0, 3.0):
+        small = {"variance_first": 1e-4, "variance_last": 1e-4}  # nothing is clipped
+        cost = Bowl()
+        Planner(PlannerConfig(base_noise=ratio, **small), ACTIONS, seed=0).plan(request(), cost)
+        spreads[ratio] = (cost.asked[0] - cost.asked[0][0]).std(axis=(0, 1))
+    assert spreads[3.0][:3] == pytest.approx(3 * spreads[1.0][:3], rel=1e-3)
+    assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])

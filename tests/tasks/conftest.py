@@ -41,7 +41,7 @@ def synthetic():
             "object": Frame("object", p_obj[None], rot, velocity),
             "aim": Frame("aim", p_obj[None], rot, velocity),
             "gripper": Frame("gripper", p_grip[None], rot),
-            "base": Frame("base", p_grip[None], rot, velocity),
+            "base": Frame("base", np.full((1, len(p_obj), 3), 0.5), rot),  # it stands
         }
         return View(frames, np.zeros((1, len(p_obj), 9)))
 

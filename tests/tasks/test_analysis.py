@@ -43,7 +43,9 @@ def view(p_obj, quats, v_obj, w_obj, p_grip, p_ref):
         "object": Frame("object", p_obj[None], rot, velocity),
         "aim": Frame("aim", p_ref[None], rot),
         "gripper": Frame("gripper", p_grip[None], rot),
-        "base": Frame("base", p_grip[None], rot, velocity),
+        "base": Frame(
+            "base", np.full((1, len(p_obj), 3), 0.5), np.broadcast_to(np.eye(3), rot.shape)
+        ),
     }
     return View(frames, np.zeros((1, len(p_obj), 9)))
 
@@ -52,6 +54,14 @@ def still(quat, w_obj=(0.0, 0.0, 0.0)):
     """A view of one step: the object in an attitude at the origin."""
     zero = np.zeros((1, 3))
     return view(zero, np.array([quat]), zero, np.array([w_obj]), zero, zero)
+
+
+def tilts(task, quats):
+    """How far an object is from upright, (T,) [rad]; a tire stands with its axle level."""
+    _, y_obj, z_obj = np.moveaxis(rotations(quats), 2, 0)  # each (T, 3), world
+    if object_of(task.name) == "tire":
+        return np.arcsin(np.abs(y_obj[:, 2]))
+    return np.arccos(z_obj[:, 2])
 
 
 @pytest.fixture
@@ -86,24 +96,34 @@ def starts(task):
 
 
 def test_the_cost_of_moving_is_the_papers(moving, rollout):
-    """But for the velocity: the square of the mean speed, as released (docs/decisions/0003)."""
-    p_obj, _, v_obj, _, p_grip, p_ref = rollout
+    """But for the velocity: the square of the mean speed, as released (docs/decisions/0003).
+
+    What may tip costs 50 for as long as it has.
+    """
+    p_obj, quats, v_obj, _, p_grip, p_ref = rollout
     p_goal = np.array([0.0, 0.0, REST_Z[object_of(moving.name)]])
     expected = (
         60 * mean(norm(p_obj - p_goal, axis=1))
         + 4 * mean(norm(p_grip - p_ref, axis=1))
         + 20 * mean(norm(v_obj, axis=1)) ** 2
+        + (0 if object_of(moving.name) == "box" else 50 * mean(tilts(moving, quats) > np.pi / 4))
     )
     assert evaluate(moving.cost, view(*rollout)).sum() == pytest.approx(expected)
+
+
+def test_a_robot_that_falls_costs_the_papers_2500(task, rollout):
+    standing, fallen = view(*rollout), view(*rollout)
+    fallen.base.pos[0, 3] = [0.0, 0.0, 0.17]
+    more = evaluate(task.cost, fallen) - evaluate(task.cost, standing)
+    assert more.tolist() == [[0.0] * (len(task.cost) - 1) + [2500.0]]
 
 
 def test_the_cost_of_setting_upright_is_the_papers(righting, rollout):
     """Of the tire |y . z|: it may stand on any part of its tread."""
     _, quats, _, _, p_grip, p_ref = rollout
-    _, y_obj, z_obj = np.moveaxis(rotations(quats), 2, 0)  # each (T, 3), world
-    z = np.array([0.0, 0.0, 1.0])
-    tilt = np.abs(y_obj @ z) if object_of(righting.name) == "tire" else 1 - z_obj @ z
-    expected = 100 * mean(tilt) + 0.5 * mean(norm(p_grip - p_ref, axis=1))
+    tilt = tilts(righting, quats)
+    off = np.sin(tilt) if object_of(righting.name) == "tire" else 1 - np.cos(tilt)
+    expected = 100 * mean(off) + 0.5 * mean(norm(p_grip - p_ref, axis=1))
     assert evaluate(righting.cost, view(*rollout)).sum() == pytest.approx(expected)
 
 

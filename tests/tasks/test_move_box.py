@@ -36,6 +36,7 @@ def test_the_table_names_its_terms(move_box):
         ("goal", 60.0),
         ("gripper", 4.0),
         ("velocity", 20.0),
+        ("fall", 2500.0),
     ]
     assert "gripper                4  mean" in str(move_box)
 
