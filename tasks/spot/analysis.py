@@ -11,7 +11,9 @@ from sumo_dist.tasks.reset import Ring
 from sumo_dist.tasks.task import Task
 
 BOX = Manipuland("box", "objects/box.xml", rest_z=0.254, any_side=True)
-CHAIR = Manipuland("chair", "objects/chair.xml", rest_z=0.010)
+CHAIR = Manipuland(
+    "chair", "objects/chair.xml", rest_z=0.010, aim=FrameRef("site", "chair/site_object")
+)
 CONE = Manipuland(
     "cone", "objects/cone.xml", rest_z=0.002, aim=FrameRef("site", "cone/site_object")
 )
