@@ -27,9 +27,9 @@ SQUATTING_LEG = (-1.6, 0.0, 0.0, 2.4, -0.8, 0.0)
 
 # The policy is sure-footed within these [m/s, rad/s]; below `policies.g1.STAND_BELOW` it stands.
 BASE_LIMITS = (0.8, 0.4, 0.5)
-# An arm may be this far from its default [rad]: so far the policy walks under it (bench policy).
+# An arm may be this far from its default [rad]: so far the policy stays up (bench policy), and no
+# joint is at its end.
 ARM_REACH = 1.0
-# What of that the joints allow: the left shoulder's roll ends at 2.25, the elbow's at 2.09.
 
 G1 = Robot(
     name="g1",

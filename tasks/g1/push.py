@@ -24,6 +24,7 @@ from sumo_dist.tasks.task import Task
 
 SUCCESS_DISTANCE = 0.3  # released code: on each axis [m]
 SUCCESS_SPEED = 0.1  # released code [m/s]
+SUCCESS_HOLD = 0.5  # ours: pushed in steps, an object is slow for an instant on its way [s]
 TIPPED = np.pi / 4  # beyond this tilt an object does not come back by itself [rad]
 ROBOT_START = (-2.0, 0.0)  # [m]
 OBJECT_START = (-1.0, 0.0)  # [m]
@@ -126,6 +127,7 @@ def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
         cost=(*terms, regularisation(actions), FALL),
         reset=NearReset(ROBOT_START, {load.name: (*OBJECT_START, load.rest_z)}),
         success=solved,
+        success_hold=SUCCESS_HOLD,
         failure={"tipped": tipped, "left the workspace": left},
         goal=(0.0, 0.0, load.rest_z),
         trails=("base", "object"),
