@@ -13,7 +13,7 @@ from google.protobuf.message import DecodeError
 from onnx import GraphProto, ModelProto, NodeProto, helper, numpy_helper
 
 from sumo_dist.errors import SumoError
-from sumo_dist.policies.network import NORM_EPSILON, Layer
+from sumo_dist.policies.network import NORM_EPSILON, Activation, Layer
 
 SUPPORTED = (
     "a chain of Gemm (x W^T + b), each followed by a layer normalisation or none and by Elu "
@@ -147,7 +147,7 @@ class _Chain:
         self._value = shifted.output[0]
         return _frozen(self._constant(scaled)), _frozen(self._constant(shifted))
 
-    def activation(self) -> str:
+    def activation(self) -> Activation:
         """Take an activation, if one comes; return its name."""
         if self.kind() == "Elu":
             node = self._take()

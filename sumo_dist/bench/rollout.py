@@ -40,8 +40,8 @@ REFERENCE_NO_DRAG = Variant("reference", 0.0, 0.01)
 FINE = Variant("engine", 1.0, 0.005)  # of G1 alone: half the plant's step
 FULL_FEET = Variant("full feet", 1.0, 0.01)  # of G1 alone: seven capsules a foot
 
-ENGINES = {"spot": (FULL, NO_DRAG, COARSE, PLANNING, FALLBACK)}
-ENGINES["g1"] = (*ENGINES["spot"], FINE, FULL_FEET)
+COMMON = (FULL, NO_DRAG, COARSE, PLANNING, FALLBACK)
+ENGINES = {"spot": COMMON, "g1": (*COMMON, FINE, FULL_FEET)}
 POLICY_TARGET = {"spot": "<= 1.15", "g1": "<= 1.2"}
 
 # Processor time of the first over that of the second, medians; and what it should be.
