@@ -63,7 +63,7 @@ class Moment:
         index = StateIndex(compile_model(task.scene, PLANT))
         thing = task.frames["object"].name
         thing_speed = _speed(states, index, thing)
-        if in_steps:
+        if in_steps and len(states) > 2 * AROUND:
             thing_speed = np.convolve(thing_speed, np.ones(2 * AROUND) / (2 * AROUND), "same")
         moving = np.minimum(
             thing_speed / OBJECT_SPEED,
