@@ -6,9 +6,6 @@ import numpy as np
 
 Activation = Literal["linear", "elu", "silu", "tanh"]
 
-# The network sees this many rows at once, padded: BLAS rounds differently for other batch sizes,
-# and a row's result must not depend on its neighbours.
-BLOCK = 16
 NORM_EPSILON = np.float32(1e-5)  # added to the variance; the native kernel has the same
 
 
@@ -40,21 +37,17 @@ def evaluate(layers: tuple[Layer, ...], rows: np.ndarray) -> np.ndarray:
     Returns:
         (..., outputs) float32.
     """
-    flat = rows.reshape(-1, rows.shape[-1])  # (B, inputs)
-    outputs = np.empty((len(flat), len(layers[-1].bias)), np.float32)
-    for start in range(0, len(flat), BLOCK):
-        block = flat[start : start + BLOCK]
-        values = np.zeros((BLOCK, flat.shape[1]), np.float32)
-        values[: len(block)] = block
-        for layer in layers:
-            values = values @ layer.weight.T + layer.bias
-            if layer.norm is not None:
-                values = _normalised(values, *layer.norm)
-            values = _activated(values, layer.activation)
-            if layer.gain is not None:
-                values = values * layer.gain
-        outputs[start : start + BLOCK] = values[: len(block)]
-    return outputs.reshape(*rows.shape[:-1], -1)
+    # A stack of single rows, (..., 1, inputs): BLAS rounds the rows of one matrix differently by
+    # their number and place, and a row's result must not depend on its neighbours.
+    values = rows[..., None, :]
+    for layer in layers:
+        values = values @ layer.weight.T + layer.bias
+        if layer.norm is not None:
+            values = _normalised(values, *layer.norm)
+        values = _activated(values, layer.activation)
+        if layer.gain is not None:
+            values = values * layer.gain
+    return values[..., 0, :]
 
 
 def _normalised(values: np.ndarray, scale: np.ndarray, shift: np.ndarray) -> np.ndarray:
