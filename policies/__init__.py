@@ -1,6 +1,6 @@
 """Low-level policies: pretrained networks that turn a command into joint targets."""
 
-from sumo_dist.policies import spot
+from sumo_dist.policies import g1, spot
 from sumo_dist.policies.contract import PolicyContract, check
 from sumo_dist.policies.fetch import policy_file
 from sumo_dist.policies.manifest import pinned_policy
@@ -8,7 +8,7 @@ from sumo_dist.policies.policy import Policy
 
 __all__ = ["Policy", "PolicyContract", "check", "load_policy", "policy_file"]
 
-_LOADERS = {spot.KIND: spot.load}  # by kind in manifest.toml
+_LOADERS = {spot.KIND: spot.load, g1.KIND: g1.load}  # by kind in manifest.toml
 
 
 def load_policy(name: str) -> Policy:

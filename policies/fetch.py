@@ -122,9 +122,11 @@ def _download(policy: PinnedPolicy, path: Path, folder: Path) -> Path:
 def _pip_download(wheel: Wheel) -> tuple[str, ...]:
     """Arguments after `python` that select exactly the pinned wheel, on any Python and platform."""
     python, abi, platform = wheel.tag.split("-")
+    version = python[2:]  # a bare 3 is any Python 3; to pip it would be 3.0
     return (
         *("-m", "pip", "download", "--no-deps", "--only-binary=:all:"),
-        *("--implementation", python[:2], "--python-version", python[2:]),
+        *("--implementation", python[:2]),
+        *(() if version == "3" else ("--python-version", version)),
         *("--abi", abi, "--platform", platform),
     )
 

@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from sumo_dist.errors import SumoError
+from sumo_dist.math import rotations
 from sumo_dist.policies.contract import PolicyContract
 from sumo_dist.policies.manifest import PinnedPolicy
+from sumo_dist.policies.network import evaluate
 from sumo_dist.policies.onnx_mlp import read_mlp
-from sumo_dist.policies.policy import Policy, elu_network
+from sumo_dist.policies.policy import Policy
 
 KIND = "spot_relic"
 LEGS = ("fl", "fr", "hl", "hr")
@@ -74,7 +76,7 @@ def observation(
         (..., 84) float32: base velocity 3, base rotation 3 and gravity direction 3, all in the
         base frame; the command 25; joint positions 19 and velocities 19; the last action 12.
     """
-    rotation = _rotation(qpos[..., 3:7])  # (..., 3, 3) base to world
+    rotation = rotations.matrix(qpos[..., 3:7])  # (..., 3, 3) base to world
     velocity = (rotation * qvel[..., :3, None]).sum(-2)  # (..., 3) base frame
     joints = qpos[..., 7 + _TO_NETWORK] - _JOINT_OFFSETS[_TO_NETWORK]
     parts = (
@@ -121,7 +123,7 @@ class SpotPolicy(Policy):
         _check_shapes(qpos, qvel, command, memory)
         with np.errstate(over="ignore", invalid="ignore"):  # rows of diverged rollouts
             seen = observation(qpos, qvel, command, memory)
-            action = elu_network(self.layers, seen)
+            action = evaluate(self.layers, seen)
         return joint_targets(action, command), action
 
 
@@ -143,7 +145,7 @@ def load(pinned: PinnedPolicy, weights: Path) -> SpotPolicy:
         memory_size=ACTION_SIZE,
         weights_sha256=pinned.sha256,
     )
-    return SpotPolicy(contract, KIND, "elu", read_mlp(weights, OBSERVATION_SIZE, ACTION_SIZE))
+    return SpotPolicy(contract, KIND, read_mlp(weights, OBSERVATION_SIZE, ACTION_SIZE))
 
 
 def _check_shapes(
@@ -156,14 +158,3 @@ def _check_shapes(
             f"memory {memory.shape}; valid: qpos (..., 26 or more), qvel (..., 25 or more), "
             f"command (..., {COMMAND_SIZE}), memory (..., {ACTION_SIZE})"
         )
-
-
-def _rotation(quat: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) wxyz, elementwise."""
-    w, x, y, z = np.moveaxis(quat, -1, 0)
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -52,6 +52,7 @@ COMMANDS = {
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
+    "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.policy"),
     "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(

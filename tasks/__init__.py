@@ -10,11 +10,13 @@ from typing import Any
 
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.model.scene import SceneObject
+from sumo_dist.tasks.g1.door import door_open
+from sumo_dist.tasks.g1.push import PUSHES
 from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
-_OURS = {**ANALYSIS}
+_OURS = {**ANALYSIS, **PUSHES, "g1/door_open": door_open}
 
 
 def task_names() -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """The instant that rollouts are timed from: the robot walks and pushes, so all contacts count.
 
-`spot_pushing.json` comes with the package, so that figures can be compared over time. It is
-`Moment.pushing(Recording.load(DIR / "run.npz"))` of `sumo-dist run spot/move_box --seed 1`.
+One of each robot comes with the package, so that figures can be compared over time. They are
+`Moment.pushing(Recording.load(DIR / "run.npz"))` of `sumo-dist run spot/move_box --seed 1`, and the
+same with `in_steps=True` of `sumo-dist run g1/box_push --seed 1`.
 """
 
 import json
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, unknown
 from sumo_dist.math import splines
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
@@ -19,7 +20,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
 
-PUSHING = Path(__file__).with_name("spot_pushing.json")
+PUSHING = {robot: Path(__file__).with_name(f"{robot}_pushing.json") for robot in ("spot", "g1")}
 
 OBJECT_SPEED, BASE_SPEED = 0.1, 0.2  # while it walks and pushes, at least [m/s]
 AROUND = 25  # ticks before and after
@@ -49,14 +50,23 @@ class Moment:
     spline: splines.Order
 
     @classmethod
-    def pushing(cls, recording: Recording) -> "Moment":
-        """Return the first plan's start around which robot and object keep moving for 1 s."""
+    def pushing(cls, recording: Recording, in_steps: bool = False) -> "Moment":
+        """Return the first plan's start around which robot and object keep moving for 1 s.
+
+        Args:
+            recording: of a run.
+            in_steps: a robot on two legs pushes and rests at every step: take the object's mean
+                speed over that second.
+        """
         config, states = recording.config, np.array(recording.states)
         task = load_task(config["task"])
         index = StateIndex(compile_model(task.scene, PLANT))
         thing = task.frames["object"].name
+        thing_speed = _speed(states, index, thing)
+        if in_steps and len(states) > 2 * AROUND:
+            thing_speed = np.convolve(thing_speed, np.ones(2 * AROUND) / (2 * AROUND), "same")
         moving = np.minimum(
-            _speed(states, index, thing) / OBJECT_SPEED,
+            thing_speed / OBJECT_SPEED,
             _speed(states, index, task.scene.robot.base) / BASE_SPEED,
         )
         for number, tick in enumerate(recording.plan_ticks):
@@ -74,7 +84,18 @@ class Moment:
         raise SumoError("in this run the robot never walks and pushes for a second around a plan")
 
     @classmethod
-    def load(cls, path: Path = PUSHING) -> "Moment":
+    def of(cls, robot: str) -> "Moment":
+        """Read the moment of a robot that comes with the package.
+
+        Raises:
+            UsageError: there is none of this robot.
+        """
+        if robot not in PUSHING:
+            raise unknown("robot", robot, PUSHING)
+        return cls.load(PUSHING[robot])
+
+    @classmethod
+    def load(cls, path: Path = PUSHING["spot"]) -> "Moment":
         """Read a moment."""
         fields = json.loads(path.read_text(encoding="utf-8"))
         types = {"state": np.float64, "memory": np.float32, "knots": np.float32}

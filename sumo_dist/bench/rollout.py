@@ -4,12 +4,15 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from sumo_dist.bench.feet import full_feet
 from sumo_dist.bench.moment import Moment
 from sumo_dist.bench.reference import Reference
 from sumo_dist.bench.report import checked_engine, cores, heading, markdown, timing_provenance
@@ -34,15 +37,23 @@ PHYSICS = Variant("physics only", 1.0, 0.01)
 FALLBACK = Variant("fallback", 0.0, 0.02)
 REFERENCE = Variant("reference", 1.0, 0.01)  # as shipped
 REFERENCE_NO_DRAG = Variant("reference", 0.0, 0.01)
+FINE = Variant("engine", 1.0, 0.005)  # of G1 alone: half the plant's step
+FULL_FEET = Variant("full feet", 1.0, 0.01)  # of G1 alone: seven capsules a foot
+
+COMMON = (FULL, NO_DRAG, COARSE, PLANNING, FALLBACK)
+ENGINES = {"spot": COMMON, "g1": (*COMMON, FINE, FULL_FEET)}
+POLICY_TARGET = {"spot": "<= 1.15", "g1": "<= 1.2"}
 
 # Processor time of the first over that of the second, medians; and what it should be.
 RATIOS = {
-    "policy_over_physics": (FULL, PHYSICS, "<= 1.15"),
+    "policy_over_physics": (FULL, PHYSICS, ""),  # POLICY_TARGET
     "cpu_speedup_vs_reference": (REFERENCE, NO_DRAG, ">= 2"),
     "cpu_speedup_vs_reference_coarse": (REFERENCE, PLANNING, ">= 3"),
     "cpu_speedup_same_physics": (REFERENCE_NO_DRAG, NO_DRAG, "-"),
     "cpu_speedup_coarse_vs_reference_without_drag": (REFERENCE_NO_DRAG, PLANNING, "-"),
     "fallback_over_engine": (FALLBACK, PLANNING, "-"),
+    "full_feet_over_three_capsules": (FULL_FEET, FULL, "-"),
+    "half_step_over_plant": (FINE, FULL, "-"),
 }
 DEVIATIONS = (
     (NO_DRAG, FULL),
@@ -52,6 +63,8 @@ DEVIATIONS = (
     (FALLBACK, PLANNING),
     (REFERENCE, FULL),
     (REFERENCE_NO_DRAG, NO_DRAG),
+    (FINE, FULL),
+    (FULL_FEET, FULL),
 )
 
 STATS = ("median", "min")
@@ -63,6 +76,7 @@ class Options:
     """Options of `bench rollout`.
 
     Attributes:
+        robot: spot or g1.
         reference: also time the backend in the judo-rai wheel, in an environment of its own.
         json: print one JSON object.
         repeats: timed rounds of every variant.
@@ -70,6 +84,7 @@ class Options:
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
     """
 
+    robot: str = "spot"
     reference: bool = False
     json: bool = False
     repeats: int = 40
@@ -81,9 +96,11 @@ def main(options: Options) -> int:
     """Time, and print tables or one JSON object."""
     if options.repeats < 1:
         raise UsageError(f"repeats must be at least 1, got {options.repeats}")
+    if options.reference and options.robot != "spot":
+        raise UsageError("the reference is of Spot: leave out --reference or --robot")
     threads = cores() if options.threads is None else options.threads
     name, build = checked_engine(options.engine)
-    about, moment = timing_provenance(), Moment.load()
+    about, moment = timing_provenance(), Moment.of(options.robot)
     rounds = measure(moment, options, threads)
     result = {
         **about,
@@ -105,8 +122,8 @@ def measure(moment: Moment, options: Options, threads: int) -> dict[Variant, lis
     commands = moment.commands(ROLLOUTS)
     with ExitStack() as stack:
         variants: dict[Variant, Callable[[], Round]] = {}
-        for variant in (FULL, NO_DRAG, COARSE, PLANNING, FALLBACK):
-            kind = options.engine if variant.engine == "engine" else variant.engine
+        for variant in ENGINES[options.robot]:
+            kind = "fallback" if variant == FALLBACK else options.engine
             engine = stack.enter_context(problem(moment, variant).engine(threads, kind))
             variants[variant] = partial(one_round, engine, moment.state, moment.memory, commands)
         physics, targets = physics_only(moment, commands, options.engine, threads)
@@ -122,7 +139,12 @@ def measure(moment: Moment, options: Options, threads: int) -> dict[Variant, lis
 
 def problem(moment: Moment, variant: Variant) -> Problem:
     """Compile the moment's task with a variant's physics."""
-    return Problem.build(load_task(moment.task), ModelOptions(variant.timestep, variant.density))
+    task, options = load_task(moment.task), ModelOptions(variant.timestep, variant.density)
+    if variant.engine != "full feet":
+        return Problem.build(task, options)
+    with TemporaryDirectory() as folder:
+        scene = replace(task.scene, robot=full_feet(task.scene.robot, Path(folder)))
+        return Problem.build(replace(task, scene=scene), options)
 
 
 def physics_only(
@@ -155,7 +177,7 @@ def ratios(rounds: Mapping[Variant, list[Round]]) -> dict[str, float | None]:
     """Ratios of the medians of processor time; None where the reference was not asked for."""
     cpu = {variant: np.median([r.cpu_ms for r in of_it]) for variant, of_it in rounds.items()}
     return {
-        name: round(float(cpu[over] / cpu[under]), 3) if over in cpu else None
+        name: round(float(cpu[over] / cpu[under]), 3) if over in cpu and under in cpu else None
         for name, (over, under, _) in RATIOS.items()
     }
 
@@ -191,7 +213,9 @@ def difference(poses: np.ndarray, others: np.ndarray) -> dict[str, float]:
 
 def text(options: Options, result: Mapping[str, Any]) -> str:
     """Lay out what was measured."""
-    command = "bench rollout" + " --reference" * options.reference
+    command = "bench rollout"
+    command += f" --robot {options.robot}" * (options.robot != "spot")
+    command += " --reference" * options.reference
     times = [
         (
             _name(row),
@@ -201,7 +225,7 @@ def text(options: Options, result: Mapping[str, Any]) -> str:
         for row in result["rows"]
     ]
     found = [
-        (name, f"{over} / {under}", f"{result[name]:.2f}", target)
+        (name, f"{over} / {under}", f"{result[name]:.2f}", target or POLICY_TARGET[options.robot])
         for name, (over, under, target) in RATIOS.items()
         if result[name] is not None
     ]

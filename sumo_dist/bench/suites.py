@@ -11,15 +11,22 @@ class Figure(NamedTuple):
     Attributes:
         successes: of so many trials.
         trials: of one task.
+        seconds: mean completion time, where it was published [s].
     """
 
     successes: int
     trials: int
+    seconds: float | None = None
 
     @property
     def rate(self) -> float:
         """Share of successes."""
         return self.successes / self.trials
+
+    def __str__(self) -> str:
+        """Say it in a table: the rate, and the time if there is one."""
+        time = "" if self.seconds is None else f", {self.seconds:.2f} s"
+        return f"{self.rate:.2f}{time}"
 
 
 @dataclass(frozen=True)
@@ -56,4 +63,16 @@ PAPER_ANALYSIS = Suite(
     controls=tuple(f"spot/upright_{thing}" for thing in _OBJECTS),
 )
 
-SUITES = {suite.name: suite for suite in (PAPER_ANALYSIS,)}
+PAPER_G1 = Suite(
+    name="paper-g1",
+    title="G1 pushes a box, a chair and a table, and opens a door",
+    source="the paper (arXiv:2604.08508), 10 trials a task in simulation, with mean times",
+    figures={
+        "g1/box_push": Figure(9, 10, 11.83),
+        "g1/chair_push": Figure(10, 10, 6.86),
+        "g1/door_open": Figure(10, 10, 4.73),
+        "g1/table_push": Figure(8, 10, 4.86),
+    },
+)
+
+SUITES = {suite.name: suite for suite in (PAPER_ANALYSIS, PAPER_G1)}

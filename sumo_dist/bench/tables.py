@@ -34,7 +34,7 @@ def table(results: Results) -> str:
 def table_line(task: TaskResult) -> tuple[str, ...]:
     """Return a task's cells."""
     success, rate, interval, *times = task.count.cells()
-    published = f"{task.figure.rate:.2f}"
+    published = str(task.figure)
     standing = f"{task.control.successes}/{task.control.trials}" if task.control else "-"
     return task.name, success, rate, interval, published, standing, *times, task.count.ended_by()
 

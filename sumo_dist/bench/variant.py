@@ -15,7 +15,7 @@ class Variant(NamedTuple):
     """What is rolled out how.
 
     Attributes:
-        engine: "engine", "physics only", "fallback" or "reference".
+        engine: "engine", "physics only", "fallback", "reference" or "full feet".
         density: of the fluid [kg/m^3].
         timestep: of the physics [s].
     """

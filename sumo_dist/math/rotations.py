@@ -54,3 +54,14 @@ def slerp(start: np.ndarray, end: np.ndarray, fraction: np.ndarray | float) -> n
     """Rotations (..., 4) on the shortest way from `start` (0) to `end` (1), fraction (...,)."""
     way = to_rotation_vector(multiply(conjugate(start), end))
     return multiply(start, from_rotation_vector(np.asarray(fraction)[..., None] * way))
+
+
+def matrix(quat: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4): the body's axes as columns."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    rows = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -37,14 +37,16 @@ class Scene:
     Attributes:
         robot: its elements keep the names of its file.
         objects: move freely; each file has one top-level body.
-        fixtures: stay where their files put them.
+        fixtures: stay where their files put them, or hang there by joints of their own.
         floor_friction: sliding friction of the floor with whatever has no higher priority.
+        floor_priority: of that friction, as MuJoCo's geoms have it.
     """
 
     robot: Robot
     objects: tuple[SceneObject, ...] = ()
     fixtures: tuple[SceneObject, ...] = ()
     floor_friction: float = 0.7
+    floor_priority: int = 5
 
     def __post_init__(self) -> None:
         names = ["floor", *(thing.name for thing in (*self.objects, *self.fixtures))]
@@ -83,7 +85,8 @@ def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
     _set_options(spec, options)
     with _invalid_model("the scene"):
         _attach(spec, _load(FLOOR), "floor")
-        spec.geom("floor/ground").friction[0] = scene.floor_friction
+        ground = spec.geom("floor/ground")
+        ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
         for thing in scene.objects:
             child = _load(thing.mjcf)
             root, joint = _free_body(child, thing.mjcf)

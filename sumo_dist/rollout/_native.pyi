@@ -2,21 +2,36 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sumo_dist.policies.network import Layer
+
 SOURCE_HASH: str
 
 def best_kernel() -> str: ...
 def evaluate(
-    layers: Sequence[tuple[np.ndarray, np.ndarray]],
+    layers: Sequence[Layer],
     inputs: np.ndarray,
     outputs: np.ndarray,
     portable: bool,
 ) -> None: ...
 def spot_relic(
-    layers: Sequence[tuple[np.ndarray, np.ndarray]],
+    layers: Sequence[Layer],
     joints_to_network: Sequence[int],
     action_to_legs: Sequence[int],
     joint_offsets: Sequence[float],
     action_scale: float,
+    portable: bool,
+) -> Policy: ...
+def g1_gait(
+    layers: Sequence[Layer],
+    joint_offsets: Sequence[float],
+    action_scale: float,
+    spin_scale: float,
+    joint_speed_scale: float,
+    phases: Sequence[Sequence[float]],
+    stand_below: float,
+    feedback_gain: Sequence[float],
+    feedback_limit: float,
+    feedback_share: float,
     portable: bool,
 ) -> Policy: ...
 def hold_targets(targets: int) -> Policy: ...

@@ -10,6 +10,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from sumo_dist.errors import UsageError
+from sumo_dist.policies import network
 from sumo_dist.rollout.base import DIVERGED, HUGE, RolloutEngine
 from sumo_dist.rollout.interface import FrameRef, Rollouts
 
@@ -21,7 +22,8 @@ CHUNK = 32  # rows that are simulated at a time
 
 def identity() -> tuple[str, str]:
     """Return the engine's name and build."""
-    source = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
+    sources = b"".join(Path(source).read_bytes() for source in (__file__, network.__file__))
+    source = hashlib.sha256(sources).hexdigest()[:12]
     versions = f"mujoco{mujoco.__version__}-numpy{np.__version__}"
     return "fallback", f"{source}-numpy-{versions}-{platform.machine()}"
 

@@ -36,4 +36,4 @@ def hold_targets(contract: PolicyContract) -> HoldTargets:
         memory_size=0,
         weights_sha256="",
     )
-    return HoldTargets(physics_only, KIND, "elu", ())
+    return HoldTargets(physics_only, KIND, ())

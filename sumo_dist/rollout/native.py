@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError, unknown
-from sumo_dist.policies import spot
+from sumo_dist.policies import g1, spot
 from sumo_dist.rollout import _native, hold
 from sumo_dist.rollout.base import DIVERGED, RESET_STATE, RolloutEngine, frame_arrays
 from sumo_dist.rollout.interface import FrameRef, Rollouts
@@ -138,6 +138,22 @@ def _spot_relic(policy: "Policy", portable: bool) -> _native.Policy:
     )
 
 
+def _g1_gait(policy: "Policy", portable: bool) -> _native.Policy:
+    return _native.g1_gait(
+        policy.layers,
+        g1.JOINT_OFFSETS,
+        g1.ACTION_SCALE,
+        g1.SPIN_SCALE,
+        g1.JOINT_SPEED_SCALE,
+        g1.PHASES.tolist(),
+        g1.STAND_BELOW,
+        g1.FEEDBACK_GAIN,
+        g1.FEEDBACK_LIMIT,
+        g1.FEEDBACK_SHARE,
+        portable,
+    )
+
+
 def _hold_targets(policy: "Policy", portable: bool) -> _native.Policy:
     del portable  # there is no network
     return _native.hold_targets(len(policy.contract.joints))
@@ -145,6 +161,7 @@ def _hold_targets(policy: "Policy", portable: bool) -> _native.Policy:
 
 NATIVE_POLICIES: dict[str, Callable[["Policy", bool], _native.Policy]] = {
     spot.KIND: _spot_relic,
+    g1.KIND: _g1_gait,
     hold.KIND: _hold_targets,
 }
 

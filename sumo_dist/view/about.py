@@ -9,7 +9,8 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     """Explain the 3D view, as Markdown."""
     planner, chosen = episode.planner, elite_count(episode.planner)
     best = "best future" if chosen == 1 else f"{chosen} best futures"
-    goal = "- **green target**: where the object should come to rest\n" if task.goal else ""
+    rest = "the object should come to rest" if "object" in task.frames else "the robot should go"
+    goal = f"- **green target**: where {rest}\n" if task.goal else ""
     return f"""\
 **{task.name}**: 20 times a second {task.scene.robot.name.capitalize()} imagines
 **{planner.rollouts} futures** of {planner.horizon:g} s, scores them, and follows the best it found

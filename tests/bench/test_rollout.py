@@ -50,6 +50,18 @@ def test_each_override_has_its_deviation(result):
     assert options == [(0.0, 0.01), (1.0, 0.02), (0.0, 0.02)]
 
 
+def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
+    monkeypatch.setattr(rollout, "ROLLOUTS", 2)
+    assert main(["bench", "rollout", "--robot", "g1", "--json", "--repeats", "1"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    overrides = [(v["engine"], v["timestep"]) for v in (d["variant"] for d in found["deviations"])]
+    assert ("full feet", 0.01) in overrides
+    assert ("engine", 0.005) in overrides
+    assert found["full_feet_over_three_capsules"] > 0
+    assert main(["bench", "rollout", "--robot", "g1", "--reference"]) == 2
+    assert "the reference is of Spot" in capsys.readouterr().err
+
+
 def test_difference_of_poses():
     turned = [np.cos(np.pi / 8), 0.0, 0.0, np.sin(np.pi / 8)]  # by 45 deg about z
     ours = np.array([[0.0, 0, 0, 1, 0, 0, 0], [3.0, 4.0, 0, *turned], [np.nan] * 7])

@@ -13,7 +13,7 @@ import pytest
 
 from sumo_dist.errors import SumoError
 from sumo_dist.policies import policy_file
-from sumo_dist.policies.fetch import cache_dir, cached
+from sumo_dist.policies.fetch import _pip_download, cache_dir, cached
 from sumo_dist.policies.manifest import pinned_policy, read_manifest
 
 WEIGHTS = b"not really weights" * 1000
@@ -192,3 +192,12 @@ def test_several_processes_fetch_once(toy, tmp_path):
     results = [process.communicate(timeout=60) for process in processes]
     assert {out.strip() for out, _ in results} == {str(cache_dir() / toy.file_name)}
     assert "".join(err for _, err in results).count("fetching") == 1
+
+
+@pytest.mark.parametrize(("name", "version"), [("spot", ("--python-version", "311")), ("g1", ())])
+def test_a_wheel_for_any_python_asks_for_no_version(name, version):
+    """To pip a bare 3 is Python 3.0, for which nothing is released any more."""
+    arguments = _pip_download(pinned_policy(name).wheel)
+    at = arguments.index("--implementation") + 2
+    assert arguments[at : at + len(version)] == version
+    assert ("--python-version" in arguments) == bool(version)

@@ -9,7 +9,7 @@ from onnx.reference import ReferenceEvaluator
 from sumo_dist.errors import SumoError
 from sumo_dist.policies import policy_file
 from sumo_dist.policies import spot as layout
-from sumo_dist.policies.policy import elu_network
+from sumo_dist.policies.network import evaluate
 
 NQ, NV = 33, 31  # the robot's 26 and 25, and a free object behind it
 
@@ -31,9 +31,11 @@ def standing():
 
 
 def test_network_and_contract(spot):
-    sizes = [weight.shape for weight, _ in spot.layers]
+    sizes = [layer.weight.shape for layer in spot.layers]
     assert sizes == [(512, 84), (256, 512), (128, 256), (12, 128)]
-    assert (spot.kind, spot.activation) == ("spot_relic", "elu")
+    assert spot.kind == "spot_relic"
+    assert [layer.activation for layer in spot.layers] == ["elu", "elu", "elu", "linear"]
+    assert all(layer.norm is None and layer.gain is None for layer in spot.layers)
     contract = spot.contract
     assert contract.observation_size == 84
     assert (contract.command_size, contract.action_size, contract.memory_size) == (25, 12, 12)
@@ -49,7 +51,7 @@ def test_network_agrees_with_the_onnx_reference(spot, spread, tolerance):
     rows = np.random.default_rng(1).normal(scale=spread, size=(40, 84)).astype(np.float32)
     with np.errstate(over="ignore"):
         expected = np.concatenate([reference.run(None, {"obs": row[None]})[0] for row in rows])
-    assert np.abs(elu_network(spot.layers, rows) - expected).max() <= tolerance
+    assert np.abs(evaluate(spot.layers, rows) - expected).max() <= tolerance
 
 
 def test_joint_orders():
@@ -134,7 +136,7 @@ def test_memory_is_the_raw_action_of_every_leg(spot):
     command[:, 10:22] = 0.3
     targets, after = spot.step(qpos, qvel, command, memory)
     seen = layout.observation(qpos, qvel, command, memory)
-    np.testing.assert_array_equal(after, elu_network(spot.layers, seen))
+    np.testing.assert_array_equal(after, evaluate(spot.layers, seen))
     np.testing.assert_array_equal(targets[:, :12], 0.3)
     assert (targets.dtype, after.dtype) == (np.float64, np.float32)
     np.testing.assert_array_equal(spot.initial_memory(), np.zeros(12))

@@ -121,15 +121,23 @@ class System:
 
 @pytest.fixture
 def run_system(endpoint, tmp_path):
-    """Return a function that starts a run of spot/move_box with quick plans."""
+    """Return a function that starts a run with quick plans, of spot/move_box by default."""
     with ExitStack() as stack:
 
-        def run(workers=2, threads=1, speed=None, wait=20.0, worker_engine="auto", **changes):
-            episode = EpisodeConfig("spot/move_box", **{"seed": 1, "planner": QUICK, **changes})
+        def run(
+            workers=2,
+            threads=1,
+            speed=None,
+            wait=20.0,
+            worker_engine="auto",
+            task="spot/move_box",
+            **changes,
+        ):
+            episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
             crew = Crew(episode, workers, threads, tmp_path, None, speed, wait)
             launcher = stack.enter_context(Launcher())
             launcher.start(Service("router", "router", Router(endpoint)))
-            bus = stack.enter_context(Bus.dial(endpoint, "spot"))
+            bus = stack.enter_context(Bus.dial(endpoint, task.partition("/")[0]))
             system = System(launcher, bus, tmp_path)
             for service in services(crew, endpoint):
                 changes = {"engine": worker_engine} if service.command == "rollout-worker" else {}
@@ -144,11 +152,9 @@ def expected_digests():
     """Return a function: what one process makes of the same episode."""
 
     @cache
-    def digests(optimizer="cem", time_limit=1.0, estimator="truth"):
+    def digests(optimizer="cem", time_limit=1.0, estimator="truth", task="spot/move_box"):
         planner = replace(QUICK, optimizer=optimizer)
-        episode = EpisodeConfig(
-            "spot/move_box", 1, planner, estimator=estimator, time_limit=time_limit
-        )
+        episode = EpisodeConfig(task, 1, planner, estimator=estimator, time_limit=time_limit)
         recording, _ = run_single(episode, threads=1)
         return recording.plan_digest, recording.state_digest
 

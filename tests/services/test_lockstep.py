@@ -119,3 +119,21 @@ def test_lowpass_estimates_are_the_same_over_zenoh(run_system, expected_digests)
     code, summary = run_system(estimator="lowpass", time_limit=0.5).finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     assert digests(summary) == expected_digests(estimator="lowpass", time_limit=0.5)
+
+
+@pytest.mark.parametrize("task", ["g1/box_push", "g1/door_open"])
+def test_g1_gives_the_same_bits_though_a_worker_dies(run_system, expected_digests, task):
+    """Another robot, policy and memory, and a door that no free joint carries."""
+    system = run_system(workers=2, time_limit=1.0, task=task)
+    system.after_plan(MIDDLE // 2)
+    system.kill("local-0")
+    code, summary = system.finish()
+    assert (code, summary["robot"], summary["plans"]) == (1, "g1", 20)
+    assert digests(summary) == expected_digests(time_limit=1.0, task=task)
+
+
+def test_g1_on_lowpass_estimates_gives_the_same_bits(run_system, expected_digests):
+    system = run_system(estimator="lowpass", time_limit=0.5, task="g1/box_push")
+    _, summary = system.finish()
+    expected = expected_digests(estimator="lowpass", time_limit=0.5, task="g1/box_push")
+    assert digests(summary) == expected

@@ -2,19 +2,25 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "engine.h"
+#include "g1_gait.h"
 #include "hold_targets.h"
 #include "mlp.h"
 #include "spot_relic.h"
@@ -28,7 +34,10 @@ using Address = std::uintptr_t;
 
 template <typename T, int N>
 using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
-using Layer = std::pair<Array<const float, 2>, Array<const float, 1>>;
+using Vector = Array<const float, 1>;
+// As sumo_dist.policies.network.Layer: weight, bias, activation, scale and shift of the norm, gain.
+using Layer = std::tuple<Array<const float, 2>, Vector, std::string,
+                         std::optional<std::pair<Vector, Vector>>, std::optional<Vector>>;
 
 template <typename T>
 T at(Address address) {
@@ -39,15 +48,28 @@ void require(bool condition, const char* message) {
   if (!condition) throw std::invalid_argument(message);
 }
 
-// Hidden layers with ELU, linear output.
-sumo::Mlp elu_network(const std::vector<Layer>& layers, const sumo::Kernel& kernel) {
+sumo::Activation activation(const std::string& name) {
+  static const std::map<std::string, sumo::Activation> kByName{
+      {"linear", sumo::Activation::kLinear},
+      {"elu", sumo::Activation::kElu},
+      {"silu", sumo::Activation::kSilu},
+      {"tanh", sumo::Activation::kTanh}};
+  const auto found = kByName.find(name);
+  require(found != kByName.end(), "unknown activation; valid: linear, elu, silu, tanh");
+  return found->second;
+}
+
+sumo::Mlp make_network(const std::vector<Layer>& layers, const sumo::Kernel& kernel) {
   std::vector<sumo::Dense> dense;
-  for (const auto& [weights, bias] : layers) {
-    require(weights.shape(0) == bias.shape(0), "a layer's weights and biases do not fit");
-    const bool last = dense.size() + 1 == layers.size();
-    dense.push_back({static_cast<int>(weights.shape(1)), static_cast<int>(weights.shape(0)),
-                     weights.data(), bias.data(),
-                     last ? sumo::Activation::kLinear : sumo::Activation::kElu});
+  for (const auto& [weights, bias, name, norm, gain] : layers) {
+    const std::size_t outputs = weights.shape(0);
+    const auto numbers = [&](const Vector& v) {
+      require(v.shape(0) == outputs, "a layer's weights, biases, norm and gain do not fit");
+      return v.data();
+    };
+    dense.push_back({static_cast<int>(weights.shape(1)), static_cast<int>(outputs), weights.data(),
+                     numbers(bias), activation(name), norm ? numbers(norm->first) : nullptr,
+                     norm ? numbers(norm->second) : nullptr, gain ? numbers(*gain) : nullptr});
   }
   return sumo::Mlp(kernel, dense);
 }
@@ -63,14 +85,27 @@ std::shared_ptr<sumo::Policy> spot_relic(
     const std::array<double, sumo::SpotLayout::kJoints>& joint_offsets, double action_scale,
     bool portable) {
   return std::make_shared<sumo::SpotRelic>(
-      elu_network(layers, kernel(portable)),
+      make_network(layers, kernel(portable)),
       sumo::SpotLayout{joints_to_network, action_to_legs, joint_offsets, action_scale});
+}
+
+std::shared_ptr<sumo::Policy> g1_gait(
+    const std::vector<Layer>& layers,
+    const std::array<double, sumo::G1Layout::kJoints>& joint_offsets, double action_scale,
+    double spin_scale, double joint_speed_scale,
+    const std::vector<std::array<float, sumo::G1Layout::kPhases>>& phases, double stand_below,
+    const std::array<double, 3>& feedback_gain, double feedback_limit, double feedback_share,
+    bool portable) {
+  return std::make_shared<sumo::G1Gait>(
+      make_network(layers, kernel(portable)),
+      sumo::G1Layout{joint_offsets, action_scale, spin_scale, joint_speed_scale, phases,
+                     stand_below, feedback_gain, feedback_limit, feedback_share});
 }
 
 // One network evaluation per row, for tests and timing of the kernels.
 void evaluate(const std::vector<Layer>& layers, Array<const float, 2> inputs,
               Array<float, 2> outputs, bool portable) {
-  const sumo::Mlp network = elu_network(layers, kernel(portable));
+  const sumo::Mlp network = make_network(layers, kernel(portable));
   const int rows = static_cast<int>(inputs.shape(0));
   require(static_cast<int>(inputs.shape(1)) == network.inputs() &&
               static_cast<int>(outputs.shape(1)) == network.outputs() &&
@@ -139,6 +174,9 @@ NB_MODULE(_native, m) {
       .def("step", &step, "qpos"_a, "qvel"_a, "command"_a, "memory"_a, "targets"_a);
   m.def("spot_relic", &spot_relic, "layers"_a, "joints_to_network"_a, "action_to_legs"_a,
         "joint_offsets"_a, "action_scale"_a, "portable"_a);
+  m.def("g1_gait", &g1_gait, "layers"_a, "joint_offsets"_a, "action_scale"_a, "spin_scale"_a,
+        "joint_speed_scale"_a, "phases"_a, "stand_below"_a, "feedback_gain"_a, "feedback_limit"_a,
+        "feedback_share"_a, "portable"_a);
   m.def(
       "hold_targets",
       [](int targets) -> std::shared_ptr<sumo::Policy> {

@@ -1,4 +1,4 @@
-// The dense layer, compiled once per instruction set (see CMakeLists.txt).
+// The layers, compiled once per instruction set (see CMakeLists.txt).
 //
 // A tile of Rows x Panels accumulators stays in registers while the inputs are walked in order, so
 // an output is summed the same way in every tile shape and a row never depends on its neighbours.
@@ -10,6 +10,24 @@ namespace {
 using sumo::Activation;
 using sumo::DenseView;
 using sumo::kPanel;
+using sumo::NormView;
+
+constexpr float kEpsilon = 1e-5f;  // added to the variance, see sumo_dist/policies/network.py
+
+// Calls `finish` with the activation as a function of lanes.
+template <typename Finish>
+void with_activation(Activation activation, const Finish& finish) {
+  switch (activation) {
+    case Activation::kLinear:
+      return finish([](Lanes x) { return x; });
+    case Activation::kElu:
+      return finish([](Lanes x) { return elu(x); });
+    case Activation::kSilu:
+      return finish([](Lanes x) { return silu(x); });
+    case Activation::kTanh:
+      return finish([](Lanes x) { return tanh(x); });
+  }
+}
 
 constexpr int kVectors = kPanel / kLanes;  // vectors per panel and row
 constexpr int kMaxRows = 8 / kVectors;     // 8 accumulators hide the latency of their additions
@@ -38,13 +56,13 @@ void tile(const DenseView& layer, int panel, const float* x, int x_stride, float
     }
   }
 
+  with_activation(layer.activation, [&](auto activate) {
 #pragma GCC unroll 16
-  for (int r = 0; r < Rows; ++r)
+    for (int r = 0; r < Rows; ++r)
 #pragma GCC unroll 16
-    for (int v = 0; v < Panels * kVectors; ++v) {
-      const Lanes s = layer.activation == Activation::kElu ? elu(sum[r][v]) : sum[r][v];
-      store(y + r * y_stride + panel * kPanel + v * kLanes, s);
-    }
+      for (int v = 0; v < Panels * kVectors; ++v)
+        store(y + r * y_stride + panel * kPanel + v * kLanes, activate(sum[r][v]));
+  });
 }
 
 // Panels [first, last) of `Rows` rows.
@@ -83,16 +101,43 @@ void dense(const DenseView& layer, int rows, const float* x, int x_stride, float
   }
 }
 
+// The sum of `term` over the outputs: whole vectors first, then what is left one by one.
+template <typename Term>
+float total(const float* y, int outputs, const Term& term) {
+  Lanes vectors{};
+  int i = 0;
+  for (; i + kLanes <= outputs; i += kLanes) vectors = vectors + term(load(y + i));
+  float result = sum(vectors);
+  for (; i < outputs; ++i) result += term(broadcast(y[i]))[0];
+  return result;
+}
+
+void normalise(const NormView& norm, int rows, float* y, int y_stride) {
+  with_activation(norm.activation, [&](auto activate) {
+    for (int r = 0; r < rows; ++r, y += y_stride) {
+      const float count = static_cast<float>(norm.outputs);
+      const float mean = total(y, norm.outputs, [](Lanes x) { return x; }) / count;
+      const float variance =
+          total(y, norm.outputs, [&](Lanes x) { return (x - mean) * (x - mean); }) / count;
+      const float deviation = __builtin_sqrtf(variance + kEpsilon);
+      for (int i = 0; i < sumo::padded(norm.outputs); i += kLanes) {
+        const Lanes unit = (load(y + i) - mean) / deviation;
+        store(y + i, activate(multiply_add(unit, load(norm.scale + i), load(norm.shift + i))));
+      }
+    }
+  });
+}
+
 }  // namespace
 
 namespace sumo {
 
 #ifdef SUMO_AVX2
 extern const Kernel kAvx2Kernel;
-const Kernel kAvx2Kernel{"avx2", dense};
+const Kernel kAvx2Kernel{"avx2", dense, normalise};
 #else
 extern const Kernel kPortableKernel;
-const Kernel kPortableKernel{"portable", dense};
+const Kernel kPortableKernel{"portable", dense, normalise};
 #endif
 
 }  // namespace sumo

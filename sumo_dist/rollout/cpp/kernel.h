@@ -1,9 +1,9 @@
-// One dense layer, y = activation(W x + b), as a table of kernels for the running CPU.
+// One layer, y = activation(norm(W x + b)), as a table of kernels for the running CPU.
 #pragma once
 
 namespace sumo {
 
-enum class Activation { kLinear, kElu };
+enum class Activation { kLinear, kElu, kSilu, kTanh };
 
 // Outputs are packed in panels: weights[panel][input][kPanel], padded with zeros.
 constexpr int kPanel = 16;
@@ -23,9 +23,21 @@ struct DenseView {
 using DenseFunction = void (*)(const DenseView& layer, int rows, const float* x, int x_stride,
                                float* y, int y_stride);
 
+struct NormView {
+  int outputs;
+  const float* scale;  // padded(outputs), zeros behind the outputs
+  const float* shift;  // likewise
+  Activation activation;
+};
+
+// Layer normalisation of each row of y in place, then the activation. A row's mean and variance
+// are summed in the same order, whatever `rows` is.
+using NormFunction = void (*)(const NormView& norm, int rows, float* y, int y_stride);
+
 struct Kernel {
   const char* name;
   DenseFunction dense;
+  NormFunction normalise;
 };
 
 const Kernel& portable_kernel();

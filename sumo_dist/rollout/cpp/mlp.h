@@ -16,6 +16,10 @@ struct Dense {
   const float* weights;
   const float* bias;
   Activation activation;
+  // Each of `outputs`, or null: scale and shift of a layer normalisation, gain of the activation.
+  const float* scale;
+  const float* shift;
+  const float* gain;
 };
 
 class Mlp {
@@ -50,6 +54,8 @@ class Mlp {
     int inputs, outputs;
     Buffer weights, bias;
     Activation activation;
+    bool normalised, amplified;
+    Buffer scale, shift, gain;
   };
 
   const Kernel& kernel_;

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "rotation.h"
+
 namespace sumo {
 namespace {
 
@@ -19,17 +21,6 @@ struct Work final : Policy::Workspace {
   explicit Work(Mlp::Workspace network) : network(std::move(network)) {}
   Mlp::Workspace network;
 };
-
-struct Rotation {
-  double row[3][3];  // base to world
-};
-
-Rotation rotation(const double* quat) {
-  const double w = quat[0], x = quat[1], y = quat[2], z = quat[3];
-  return {{{1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)},
-           {2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)},
-           {2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)}}};
-}
 
 }  // namespace
 
@@ -63,8 +54,7 @@ void SpotRelic::step(PolicyRow* rows, int count, Workspace& work) const {
 void SpotRelic::observe(const PolicyRow& row, float* out) const {
   const Rotation base = rotation(row.qpos + 3);
   for (int i = 0; i < 3; ++i)  // base velocity, world to base frame
-    *out++ = static_cast<float>(base.row[0][i] * row.qvel[0] + base.row[1][i] * row.qvel[1] +
-                                base.row[2][i] * row.qvel[2]);
+    *out++ = static_cast<float>(base.into_base(row.qvel, i));
   for (int i = 3; i < 6; ++i) *out++ = static_cast<float>(row.qvel[i]);
   for (int i = 0; i < 3; ++i) *out++ = static_cast<float>(-base.row[2][i]);  // gravity
   for (int i = 0; i < kCommand; ++i) *out++ = static_cast<float>(row.command[i]);

@@ -1,0 +1,83 @@
+"""G1, a humanoid of 29 joints: stance, the policy's 19-d command, and the action space."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sumo_dist.errors import UsageError
+from sumo_dist.robots.robot import ActionSpace, Robot
+
+ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
+SIDES = ("left", "right")
+LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+JOINTS = (
+    *(f"{side}_{joint}_joint" for side in SIDES for joint in LEG),
+    *(f"waist_{axis}_joint" for axis in ("yaw", "roll", "pitch")),
+    *(f"{side}_{joint}_joint" for side in SIDES for joint in (*ARM, *WRIST)),
+)
+
+# Knees bent, arms beside the body [rad]: what the policy's joint angles are relative to.
+STANDING_LEG = (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0)
+ARM_DEFAULT = {"left": (0.2, 0.2, 0.0, 0.6), "right": (0.2, -0.2, 0.0, 0.6)}
+WRIST_DEFAULT = (0.0, 0.0, 0.0)
+ARMS_DEFAULT = tuple(q for side in SIDES for q in (*ARM_DEFAULT[side], *WRIST_DEFAULT))
+# Thighs and shins folded, arms forward: from here it sinks onto its shins instead of its head.
+SQUATTING_LEG = (-1.6, 0.0, 0.0, 2.4, -0.8, 0.0)
+
+# The policy is sure-footed within these [m/s, rad/s]; below `policies.g1.STAND_BELOW` it stands.
+BASE_LIMITS = (0.8, 0.4, 0.5)
+# An arm may be this far from its default [rad]: so far the policy stays up (bench policy), and no
+# joint is at its end.
+ARM_REACH = 1.0
+
+G1 = Robot(
+    name="g1",
+    mjcf="robots/g1.xml",
+    base="pelvis",
+    joints=JOINTS,
+    stand=(*STANDING_LEG * 2, 0.0, 0.0, 0.0, *ARMS_DEFAULT),
+    stand_height=0.76,
+    sit=(*SQUATTING_LEG * 2, 0.0, 0.0, 0.2, *ARMS_DEFAULT),
+    fall_height=0.6,
+    policy="g1",
+    default_command=(0.0, 0.0, 0.0, *ARMS_DEFAULT, 0.0, 0.0),
+)
+
+
+def g1_actions(arms: Sequence[str] = (), reach: float = ARM_REACH) -> ActionSpace:
+    """Build G1's action space: base velocity, and shoulder and elbow of the arms asked for.
+
+    An arm that is asked for follows its targets, the wrist at rest; any other one is the policy's.
+
+    Args:
+        arms: of "left" and "right", in this order.
+        reach: how far each of their joints may be from its default [rad].
+
+    Raises:
+        UsageError: there is no such arm.
+    """
+    chosen = tuple(arms)
+    if chosen not in ((), ("left",), ("right",), SIDES):
+        raise UsageError(f"arms are (), ('left',), ('right',) or {SIDES}, not {chosen}")
+    padding = np.array(G1.default_command)
+    padding[17:19] = [side in chosen for side in SIDES]
+    columns = np.concatenate(
+        [np.arange(3), *(np.arange(4) + 3 + 7 * SIDES.index(side) for side in chosen)]
+    ).astype(np.intp)  # where each action stands in the command
+
+    def to_command(action: np.ndarray) -> np.ndarray:
+        command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
+        command[..., columns] = action
+        return command
+
+    default = padding[columns]
+    width = np.array([*BASE_LIMITS, *[reach] * (4 * len(chosen))])
+    names = [f"{side}_{joint}" for side in chosen for joint in ARM]
+    return ActionSpace(
+        names=("base_vx", "base_vy", "base_wz", *names),
+        lower=default - width,
+        upper=default + width,
+        default=default,
+        to_command=to_command,
+    )
