@@ -7,11 +7,10 @@ from pathlib import Path
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.lockstep import run_lockstep
-from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.realtime import RealtimeLoop, calibrate
 from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.start import make_plant
 from sumo_dist.episode.summary import Ending, summarise, write_summary
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.problem import Problem, planning_options
@@ -54,7 +53,7 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
     config = options.episode
     task = load_task(config.task)
     problem = Problem.build(task, planning_options(config.planner))
-    plant = Plant(task.scene, draw_start(task, config.seed), config.estimator)
+    plant = make_plant(config, task)
     controller = make_controller(problem.policy, plant.model, config.engine)
     referee = Referee(task, plant.model, config.time_limit)
     recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))

@@ -42,6 +42,8 @@ class Settings:
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
         jobs: trials at a time; by default one for each core.
+        plant: nominal, perturbed or hard, see `sumo-dist run --help`.
+        estimator: truth or lowpass.
     """
 
     trials: int = 20
@@ -52,6 +54,8 @@ class Settings:
     engine: str = "auto"
     time_limit: float | None = None
     jobs: int | None = None
+    plant: str = "nominal"
+    estimator: str = "truth"
 
     def __post_init__(self) -> None:
         for name in ("trials", "jobs"):
@@ -71,7 +75,11 @@ class Settings:
     def episode(self, task: str, seed: int) -> EpisodeConfig:
         """Return what decides a trial, checked."""
         return EpisodeConfig(
-            task, seed, self.planner(), time_limit=self.time_limit, engine=self.engine
+            *(task, seed, self.planner()),
+            estimator=self.estimator,
+            time_limit=self.time_limit,
+            engine=self.engine,
+            plant=self.plant,
         )
 
 
@@ -227,7 +235,8 @@ def say(line: str) -> None:
 def _common_settings(episode: EpisodeConfig) -> Row:
     """Return what all rows of a campaign share."""
     _, build = checked_engine(episode.engine)
-    return {"planner": asdict(episode.planner), "engine_build": build}
+    plant = {"plant": episode.plant, "estimator": episode.estimator}
+    return {"planner": asdict(episode.planner), "engine_build": build, **plant}
 
 
 def _task_settings(episode: EpisodeConfig) -> Row:

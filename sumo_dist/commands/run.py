@@ -37,6 +37,8 @@ class Options:
         clock: lockstep (the robot waits for its plans) or realtime.
         speed: of the realtime clock, robot time per wall time; auto fits it to the planner.
         estimator: truth or lowpass.
+        plant: nominal (the planner's model), perturbed or hard: masses, friction, gains, sensors
+            and command link that the planner knows nothing of.
         time_limit: robot time [s]; the task's own by default.
         viewer: web, native or none.
         out: folder for summary.json, run.npz and run.rrd.
@@ -55,6 +57,7 @@ class Options:
     clock: str = "lockstep"
     speed: str = "auto"
     estimator: str = "truth"
+    plant: str = "nominal"
     time_limit: float | None = None
     viewer: str = "web"
     out: Path | None = None
@@ -67,7 +70,9 @@ class Options:
         """Return what decides the run, checked."""
         planner = PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
         return EpisodeConfig(
-            self.task, self.seed, planner, self.clock, self.estimator, self.time_limit, self.engine
+            *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
+            engine=self.engine,
+            plant=self.plant,
         )
 
     def folder(self) -> Path:

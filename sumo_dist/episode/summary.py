@@ -50,6 +50,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     return {
         "task": recording.config["task_name"],
         **{key: recording.config[key] for key in identity},
+        "plant": recording.config.get("plant", "nominal"),
         "success": success,
         "completion_time_s": round(seconds, 2) if success else None,
         "robot_time_s": round(seconds, 2),
