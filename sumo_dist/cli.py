@@ -45,6 +45,12 @@ COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
+    "stop": Command(
+        "Make a running robot sit down at once", "sumo_dist.commands.orders", entry="stop"
+    ),
+    "resume": Command(
+        "Let a robot that has stopped go on", "sumo_dist.commands.orders", entry="resume"
+    ),
     "task check": Command(
         "Say whether a task is fit to be planned for", "sumo_dist.commands.task_check"
     ),
@@ -53,6 +59,9 @@ COMMANDS = {
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
     "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
+    "bench estimator": Command(
+        "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
+    ),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(
         "Compare the optimizers at the same budgets", "sumo_dist.bench.optimizers"

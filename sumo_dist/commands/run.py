@@ -46,6 +46,8 @@ class Options:
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
         wait: how long the robot waits for an answer before the run ends [s].
+        resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
+            before the run ends [s].
     """
 
     task: Annotated[str, tyro.conf.Positional]
@@ -65,6 +67,7 @@ class Options:
     engine: str = "auto"
     listen: str = DEFAULT_LISTEN
     wait: float = 60.0
+    resume_wait: float = 0.0
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
@@ -103,7 +106,10 @@ def main(options: Options) -> int:
         from sumo_dist.commands.distributed import Crew, run_distributed
 
         viewer = options.viewer if _has_view() else None
-        crew = Crew(episode, workers, threads, out, viewer, _speed(options), options.wait)
+        crew = Crew(
+            *(episode, workers, threads, out, viewer, _speed(options), options.wait),
+            resume_wait=options.resume_wait,
+        )
         code = run_distributed(crew, options.listen)
     print(f"{one_line(read_summary(out))}; in {out}")
     return code

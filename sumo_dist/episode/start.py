@@ -5,6 +5,8 @@ import numpy as np
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.disturb import plant_profile
 from sumo_dist.episode.plant import Plant
+from sumo_dist.robots.guard import CommandGuard
+from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks.reset import Start
 from sumo_dist.tasks.task import Task
 
@@ -18,3 +20,8 @@ def make_plant(config: EpisodeConfig, task: Task) -> Plant:
     """Return the plant of an episode at its start."""
     start, profile = draw_start(task, config.seed), plant_profile(config.plant)
     return Plant(task.scene, start, config.estimator, profile, config.seed)
+
+
+def make_guard(task: Task, plant: Plant) -> CommandGuard:
+    """Return what every command to a task's plant goes by."""
+    return CommandGuard(task.scene.robot, plant.model, plant.step, TICK)

@@ -31,6 +31,7 @@ class Recording:
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
+        commands: joint targets sent, and how many the guard had to change, by reason.
     """
 
     config: dict[str, Any]
@@ -47,6 +48,7 @@ class Recording:
     costs: list[np.ndarray] = field(default_factory=list)
     terms: list[np.ndarray] = field(default_factory=list)
     traces: list[np.ndarray] = field(default_factory=list)
+    commands: dict[str, int] = field(default_factory=dict)
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
         """Append what one tick began with."""
@@ -86,10 +88,13 @@ class Recording:
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
         arrays: dict[str, Any] = {
-            name: np.array(rows) for name, rows in vars(self).items() if name != "config"
+            name: np.array(rows)
+            for name, rows in vars(self).items()
+            if name not in ("config", "commands")
         }
         partial = path.with_suffix(".part.npz")
-        np.savez_compressed(partial, format=FORMAT, config=json.dumps(self.config), **arrays)
+        config, commands = json.dumps(self.config), json.dumps(self.commands)
+        np.savez_compressed(partial, format=FORMAT, config=config, commands=commands, **arrays)
         partial.replace(path)
 
     @classmethod
@@ -100,10 +105,11 @@ class Recording:
                 if int(file["format"]) != FORMAT:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
                 config = json.loads(str(file["config"]))
+                commands = json.loads(str(file["commands"])) if "commands" in file else {}
                 lists = {
                     name: list(file[name])
                     for name in file.files
-                    if name not in ("format", "config")
+                    if name not in ("format", "config", "commands")
                 }
         except FileNotFoundError:
             raise UsageError(
@@ -111,4 +117,4 @@ class Recording:
             ) from None
         except (BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
-        return cls(config, **lists)
+        return cls(config, commands=commands, **lists)

@@ -7,14 +7,14 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from sumo_dist.errors import Interrupted, SumoError
+from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
-from sumo_dist.wire.messages import PlanMessage, Sensors, State, Status
+from sumo_dist.wire.messages import Order, PlanMessage, Sensors, State, Status
 
 Clock = Literal["lockstep", "realtime", "calibrate"]
 
@@ -35,15 +35,30 @@ class RobotLink:
         stop: threading.Event,
         tell: Tell,
         on_plan: Callable[[PlanReport], None],
+        refuse: Callable[[Plan], str] = lambda _plan: "",
     ) -> None:
-        """Subscribe; a question waits at most `wait` seconds, `on_plan` sees all plans."""
-        self._on_report = on_plan
+        """Subscribe.
+
+        Args:
+            bus: the robot's.
+            run: its run.
+            wait: how long a question waits for its answer [s].
+            stop: ends the waiting.
+            tell: speaks to people.
+            on_plan: sees all plans that are taken.
+            refuse: says why a plan cannot be followed, "" if it can; such a plan is dropped.
+        """
+        self._on_report, self._refuse = on_plan, refuse
+        self.refused = 0  # plans dropped
+        self._ordered_stop = ""
+        self._ordered_resume = False
         self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
         self._arrived = threading.Condition()
         self._state: State | None = None
         self._plans: dict[int, PlanReport] = {}
         bus.subscribe(State, self._on_state)
         bus.subscribe(PlanMessage, self._on_plan)
+        bus.subscribe(Order, self._on_order)
 
     def ask_state(self, readings: Readings) -> np.ndarray:
         """Return the estimated state (nq + nv,) of a tick (lockstep)."""
@@ -110,12 +125,28 @@ class RobotLink:
             self._plans.clear()
         return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
 
+    def stop_order(self) -> str | None:
+        """Return who ordered the robot to stop and why, once for each order; None if nobody."""
+        with self._arrived:
+            order, self._ordered_stop = self._ordered_stop, ""
+            return order or None
+
+    def resume_order(self) -> bool:
+        """Whether somebody said to go on since the last stop and the last call."""
+        with self._arrived:
+            order, self._ordered_resume = self._ordered_resume, False
+            return order
+
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
         began, noticed = time.monotonic(), False
         while True:
             publish()
             with self._arrived:
-                self._arrived.wait_for(lambda: answer() is not None, RESEND_S)
+                self._arrived.wait_for(
+                    lambda: bool(self._ordered_stop) or answer() is not None, RESEND_S
+                )
+                if self._ordered_stop:
+                    raise Stopped(self._ordered_stop)
                 result = answer()
                 if result is not None:
                     self._plans.clear()
@@ -137,7 +168,21 @@ class RobotLink:
 
     def _on_plan(self, message: PlanMessage) -> None:
         report = message.report
+        if reason := self._refuse(report.plan):
+            self.refused += 1
+            if self.refused == 1:
+                self._tell("error", f"plan {report.plan.number} is refused: {reason}")
+            return
         with self._arrived:
             self._plans[report.plan.number] = report
             self._arrived.notify_all()
         self._on_report(report)
+
+    def _on_order(self, order: Order) -> None:
+        with self._arrived:
+            if order.action == "stop":
+                by = f"{order.source}: {order.reason}" if order.reason else order.source
+                self._ordered_stop, self._ordered_resume = f"stopped by {by}", False
+            else:
+                self._ordered_resume = True
+            self._arrived.notify_all()

@@ -76,7 +76,7 @@ class System:
 
     def __init__(self, launcher, bus, out):
         self._launcher, self._out = launcher, out
-        self._newest_plan = -1
+        self.newest_plan = -1
         bus.subscribe(PlanMessage, self._on_plan)
         self._services = {}
         self.processes = {}
@@ -88,7 +88,14 @@ class System:
     def restart(self, name, pause=0.0):
         self.kill(name)
         time.sleep(pause)
+        self.start_again(name)
+
+    def start_again(self, name):
         self.start(self._services[name])
+
+    @property
+    def run_id(self):
+        return self._services["robot-interface"].options.run
 
     def kill(self, name):
         self.processes[name].kill()
@@ -100,12 +107,12 @@ class System:
     def _on_plan(self, message):
         plan = message.plan
         if plan.tick == anchor_tick(plan.number):  # not one of the calibration
-            self._newest_plan = max(self._newest_plan, plan.number)
+            self.newest_plan = max(self.newest_plan, plan.number)
 
     def after_plan(self, number, timeout=30.0):
         """Wait until a plan of the run, or a later one, was published."""
         deadline = time.monotonic() + timeout
-        while self._newest_plan < number:
+        while self.newest_plan < number:
             assert time.monotonic() < deadline, f"plan {number} did not come"
             assert self.processes["robot-interface"].poll() is None, "the robot has ended"
             time.sleep(0.002)
@@ -124,9 +131,17 @@ def run_system(endpoint, tmp_path):
     """Return a function that starts a run of spot/move_box with quick plans."""
     with ExitStack() as stack:
 
-        def run(workers=2, threads=1, speed=None, wait=20.0, worker_engine="auto", **changes):
+        def run(
+            workers=2,
+            threads=1,
+            speed=None,
+            wait=20.0,
+            worker_engine="auto",
+            resume_wait=0.0,
+            **changes,
+        ):
             episode = EpisodeConfig("spot/move_box", **{"seed": 1, "planner": QUICK, **changes})
-            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait)
+            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait, resume_wait)
             launcher = stack.enter_context(Launcher())
             launcher.start(Service("router", "router", Router(endpoint)))
             bus = stack.enter_context(Bus.dial(endpoint, "spot"))

@@ -15,7 +15,9 @@ from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.messages import (
     Event,
+    Health,
     Message,
+    Order,
     PlanMessage,
     RolloutReply,
     RolloutRequest,
@@ -54,6 +56,8 @@ MESSAGES = [
     Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
     RunEnd(RUN, 700, "success", True),
+    Order(RUN, "somebody", "stop", "smoke"),
+    Health(RUN, "robot", "running", {"tick": 7, "load": 0.5, "build": "x"}),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))
@@ -103,7 +107,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (1, "130b34d6e42bafbd"), (
+    assert (SCHEMA, digest) == (2, "7eda9ffbcd8db83e"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 
@@ -159,7 +163,9 @@ def test_bad_fields_have_named_reasons(changes, reason):
         (MESSAGES[0], {"mocap": ["f8", [0, 2**62, 7], b""]}, "shape"),
         (MESSAGES[3], {"clock": "sundial"}, "range"),
         (MESSAGES[3], {"followed": {"number": 1}}, "field"),
-        (MESSAGES[-1], {"success": 1}, "field"),
+        (MESSAGES[11], {"success": 1}, "field"),
+        (MESSAGES[12], {"action": "dance"}, "range"),
+        (MESSAGES[13], {"counters": {"tick": None}}, "field"),
     ],
 )
 def test_rules_of_other_messages(message, changes, reason):
