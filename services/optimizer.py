@@ -7,12 +7,14 @@ the robot reports, so an optimizer that is restarted goes on where the last one 
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from sumo_dist.episode.local import report
-from sumo_dist.errors import Interrupted
+from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.follow import misfit
 from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -23,6 +25,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.gather import RemoteEvaluator
+from sumo_dist.wire.health import Counters, Pulse
 from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import PlanMessage, State, Status
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
@@ -66,10 +69,12 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
     with (
         problem.engine(1, options.engine) as engine,
         Bus.dial(options.connect, options.robot, run=options.run) as bus,
+        ExitStack() as stack,
     ):
         tell = teller(bus, options.run, "optimizer")
         evaluator = RemoteEvaluator(bus, options.run, problem, options.planner, build, stop, tell)
         feed, service = Feed(bus), Service(options, bus, problem, engine, evaluator, tell)
+        stack.enter_context(Pulse(bus, options.run, "optimizer", service.health))
         bus.announce("optimizer", "main", build)
         while not stop.is_set():
             snapshot = feed.wait(service.wants, timeout=0.1)
@@ -79,6 +84,8 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
                 service.handle(*snapshot)
             except Interrupted:
                 return
+            except SumoError as error:  # of a question that makes no sense, not of this service
+                service.refuse(str(error))
 
 
 class Feed:
@@ -109,8 +116,9 @@ class Feed:
 
     def _on_state(self, state: State) -> None:
         with self._arrived:
+            self._states.pop(state.tick, None)
             self._states[state.tick] = state
-            for tick in sorted(self._states)[:-8]:
+            for tick in list(self._states)[:-8]:  # by arrival: one of a wrong tick goes as well
                 del self._states[tick]
             self._arrived.notify_all()
 
@@ -140,6 +148,7 @@ class Service:
         self._last: PlanMessage | None = None
         self._last_clock = ""
         self._failing = False
+        self._refused = 0  # questions that made no sense
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
 
     def wants(self, status: Status) -> bool:
@@ -148,8 +157,39 @@ class Service:
             return status.wanted >= 0
         return status.speed > 0 and self._target(status) is not None
 
+    def refuse(self, reason: str) -> None:
+        """Take note of a question that cannot be answered."""
+        self._refused += 1
+        if self._refused == 1:
+            self._tell("error", f"a plan that cannot be made: {reason}; from now on only counted")
+
+    def health(self) -> tuple[str, Counters]:
+        """How it is, for whoever watches."""
+        last = self._last
+        counters: dict[str, int | float | str] = {
+            "workers": self._evaluator.workers,
+            "refused": self._refused,
+            **self._evaluator.workers_health(),
+        }
+        if last is not None:
+            counters |= {
+                "plan": last.plan.number,
+                "plan ms": round(last.plan_ms, 1),
+                "age ticks": last.age_ticks,
+                "rollouts": len(last.costs),
+                "lost": last.lost,
+                "reissued": last.reissued,
+            }
+        return "failing" if self._failing else self._last_clock or "waiting", counters
+
     def handle(self, state: State, status: Status) -> None:
-        """Make and publish the plan that a status asks for, or repeat the one it has missed."""
+        """Make and publish the plan that a status asks for, or repeat the one it has missed.
+
+        Raises:
+            SumoError: state, memory or plan are not of this robot.
+        """
+        if status.followed is not None and (wrong := misfit(status.followed, self._actions)):
+            raise SumoError(f"the followed plan is none of this robot: {wrong}")
         if status.clock == "realtime":
             self._plan_realtime(state, status)
         elif (
@@ -188,6 +228,8 @@ class Service:
     def _following(self, status: Status) -> Plan | None:
         """The plan the robot will follow from now on: the newest that was sent to it."""
         sent = self._last.plan if self._last and self._last_clock == "realtime" else None
+        if sent is not None and (status.tick - sent.tick) * TICK > sent.horizon:
+            sent = None  # it has run out, or the robot has stopped since
         if sent is not None and (status.followed is None or sent.number > status.followed.number):
             return sent
         return status.followed

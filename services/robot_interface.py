@@ -3,11 +3,11 @@
 import threading
 import time
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.lockstep import run_lockstep
+from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.realtime import RealtimeLoop, calibrate
 from sumo_dist.episode.referee import Referee
@@ -63,12 +63,14 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
     recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
     with Bus.dial(options.connect, options.robot, run=options.run) as bus:
         tell = teller(bus, options.run, "robot")
+        plant = make_plant(config, task)
         link = RobotLink(
             *(bus, options.run, options.wait, stop, tell),
             Progress(recording.config["terms"], lambda line: tell("info", line)),
-            partial(misfit, actions=task.actions),
+            lambda plan: misfit(plan, task.actions, plant.tick),
+            plant.model.nq + plant.model.nv,
         )
-        body = _Body(options, problem, link, recording, stop, tell)
+        body = _Body(options, problem, plant, link, recording, stop, tell)
         with Pulse(bus, options.run, "robot", body.health):
             bus.announce("robot", "main")
             began = time.monotonic()
@@ -89,6 +91,7 @@ class _Body:
         self,
         options: RobotOptions,
         problem: Problem,
+        plant: Plant,
         link: RobotLink,
         recording: Recording,
         stop: threading.Event,
@@ -97,7 +100,7 @@ class _Body:
         config, self._task = options.episode, problem.task
         self._options, self._link, self._recording = options, link, recording
         self._stop, self._tell = stop, tell
-        self.plant = make_plant(config, self._task)
+        self.plant = plant
         self.guard = make_guard(self._task, self.plant)
         self._controller = make_controller(problem.policy, self.plant.model, config.engine)
         self._referee = Referee(self._task, self.plant.model, config.time_limit)
@@ -120,7 +123,7 @@ class _Body:
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
         mode = self._loop.mode if self._loop else self._mode
-        counters = {"tick": self.plant.tick, "plans refused": self._link.refused}
+        counters = {"tick": self.plant.tick, "refused": self._link.refused}
         return mode, {**counters, **self.guard.account()}
 
     def _lockstep(self) -> str:

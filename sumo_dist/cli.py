@@ -62,6 +62,7 @@ COMMANDS = {
     "bench estimator": Command(
         "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
     ),
+    "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.fuzz"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(
         "Compare the optimizers at the same budgets", "sumo_dist.bench.optimizers"

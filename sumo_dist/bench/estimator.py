@@ -166,8 +166,8 @@ def errors_of(index: StateIndex, states: np.ndarray, estimates: np.ndarray) -> E
     positions, velocities = index.joints(SPOT.joints)
     off = estimates - states
     joints = _rms(off[:, positions]) * 1e3, _rms(off[:, velocities])
-    base, box = (tuple(_body(index, body, states, estimates, off)) for body in ("body", "box"))
-    return Errors(*base, *joints, *box)
+    base, box = (list(_body(index, body, states, estimates, off)) for body in ("body", "box"))
+    return Errors._make([*base, *joints, *box])
 
 
 def _body(

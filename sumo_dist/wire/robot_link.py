@@ -36,6 +36,7 @@ class RobotLink:
         tell: Tell,
         on_plan: Callable[[PlanReport], None],
         refuse: Callable[[Plan], str] = lambda _plan: "",
+        state_size: int | None = None,
     ) -> None:
         """Subscribe.
 
@@ -47,9 +48,11 @@ class RobotLink:
             tell: speaks to people.
             on_plan: sees all plans that are taken.
             refuse: says why a plan cannot be followed, "" if it can; such a plan is dropped.
+            state_size: nq + nv; a state of another size is dropped.
         """
         self._on_report, self._refuse = on_plan, refuse
-        self.refused = 0  # plans dropped
+        self._state_size, self._tick = state_size, 0
+        self.refused = 0  # plans and states dropped
         self._ordered_stop = ""
         self._ordered_resume = False
         self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
@@ -91,6 +94,7 @@ class RobotLink:
 
     def send_readings(self, readings: Readings) -> None:
         """Publish what the sensors saw."""
+        self._tick = readings.tick
         self._bus.publish(Sensors(self._run, **vars(readings)))
 
     def send_status(
@@ -160,7 +164,17 @@ class RobotLink:
                 noticed = True
                 self._tell("warning", f"waiting for {what}")
 
+    def _refused(self, what: str) -> None:
+        self.refused += 1
+        if self.refused == 1:
+            self._tell("error", f"{what}; from now on only counted")
+
     def _on_state(self, state: State) -> None:
+        """Take a state; one from the future would stand in the way of all that follow."""
+        if state.tick > self._tick or self._state_size not in (None, len(state.state)):
+            size = len(state.state)
+            self._refused(f"a state of tick {state.tick} with {size} numbers is refused")
+            return
         with self._arrived:
             if self._state is None or state.tick >= self._state.tick:
                 self._state = state
@@ -169,9 +183,7 @@ class RobotLink:
     def _on_plan(self, message: PlanMessage) -> None:
         report = message.report
         if reason := self._refuse(report.plan):
-            self.refused += 1
-            if self.refused == 1:
-                self._tell("error", f"plan {report.plan.number} is refused: {reason}")
+            self._refused(f"plan {report.plan.number} is refused: {reason}")
             return
         with self._arrived:
             self._plans[report.plan.number] = report

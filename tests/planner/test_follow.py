@@ -117,3 +117,10 @@ def test_a_plan_that_fits_is_not_refused():
 )
 def test_a_plan_that_does_not_fit_the_robot_is_refused(knots, tick, reason):
     assert misfit(Plan(3, tick, knots(ACTIONS.size), 1.0, "linear"), ACTIONS) == reason
+
+
+def test_a_plan_from_far_ahead_would_keep_out_all_others():
+    knots = np.zeros((4, ACTIONS.size), np.float32)
+    far = Plan(1000, anchor_tick(1000), knots, 1.0, "linear")
+    assert misfit(far, ACTIONS, now=0) == "it begins 50 s from now, at most 2"
+    assert misfit(far, ACTIONS, now=2450) == ""

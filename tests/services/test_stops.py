@@ -102,7 +102,7 @@ def test_plans_of_another_robot_are_refused(run_system, endpoint, eventually):
         def refused():
             bus.publish(PlanMessage.of(run, report))
             time.sleep(0.1)
-            return health.peek() and health.peek().counters["plans refused"] > 0
+            return health.peek() and health.peek().counters["refused"] > 0
 
         assert eventually(refused, 10.0)
     code, summary = system.finish(timeout=30.0)

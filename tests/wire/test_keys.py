@@ -7,9 +7,9 @@ from sumo_dist.wire.keys import ANY, Member, alive_key, alive_keys, parse_alive,
 
 
 def test_topics_carry_the_version_and_the_robot():
-    assert topic_key("spot", "state") == "sumo/v1/spot/state"
-    assert topic_key("spot", "request", "w-1") == "sumo/v1/spot/request/w-1"
-    assert topic_key("spot", "reply", ANY) == "sumo/v1/spot/reply/*"
+    assert topic_key("spot", "state") == "sumo/v2/spot/state"
+    assert topic_key("spot", "request", "w-1") == "sumo/v2/spot/request/w-1"
+    assert topic_key("spot", "reply", ANY) == "sumo/v2/spot/reply/*"
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a*", "$x", "a?", "a#", "-a", "ä", "a" * 65, "a\n"])
