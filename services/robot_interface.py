@@ -101,7 +101,7 @@ class _Body:
         self._options, self._link, self._recording = options, link, recording
         self._stop, self._tell = stop, tell
         self.plant = plant
-        self.guard = make_guard(self._task, self.plant)
+        self.guard = make_guard(self._task, self.plant, recording)
         self._controller = make_controller(problem.policy, self.plant.model, config.engine)
         self._referee = Referee(self._task, self.plant.model, config.time_limit)
         self._loop: RealtimeLoop | None = None
@@ -123,7 +123,8 @@ class _Body:
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
         mode = self._loop.mode if self._loop else self._mode
-        counters = {"tick": self.plant.tick, "refused": self._link.refused}
+        slipped = round(self._loop.slipped_s, 2) if self._loop else 0.0
+        counters = {"tick": self.plant.tick, "refused": self._link.refused, "slipped s": slipped}
         return mode, {**counters, **self.guard.account()}
 
     def _lockstep(self) -> str:

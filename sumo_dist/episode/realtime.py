@@ -23,6 +23,7 @@ from sumo_dist.tasks.task import Task
 
 PLAN_PERIOD = 0.05  # robot time between plans [s]
 CALIBRATION_PLANS = 12
+SLIP_S = 0.1  # wall time by which a tick may be late before the clock is set back
 STATE_PATIENCE = 0.3  # share of a tick that the policy waits for its own tick's state
 
 
@@ -83,6 +84,7 @@ class RealtimeLoop:
 
     Attributes:
         mode: "running", "stopping", "stopped" or "rising", for whoever watches.
+        slipped_s: wall time by which the clock was set back because the robot came too late [s].
     """
 
     def __init__(
@@ -124,6 +126,7 @@ class RealtimeLoop:
         self._watch = StateWatch(task.scene.robot, plant.model.nq)
         self._began = 0.0
         self.mode = "running"
+        self.slipped_s = 0.0
 
     def run(self) -> str:
         """Return the referee's verdict, "interrupted", or what made the robot stop."""
@@ -157,6 +160,10 @@ class RealtimeLoop:
     def _wait_for(self, tick: int) -> bool:
         """Sleep until a tick is due; False if told to stop."""
         due = self._began + tick * TICK / self._speed
+        late = time.monotonic() - due
+        if late > SLIP_S:  # this process was held up: ticks in a burst would outrun its plans
+            self._began += late
+            self.slipped_s += late
         return not self._stop.wait(max(0.0, due - time.monotonic()))
 
     def _sense(self, tick: int) -> tuple[int, np.ndarray] | None:

@@ -52,7 +52,7 @@ def run_planned(
     """Run an episode whose plans may come from anywhere, and write it into the recording."""
     task = problem.task
     plant = make_plant(config, task)
-    guard = make_guard(task, plant)
+    guard = make_guard(task, plant, recording)
     controller = make_controller(problem.policy, plant.model, config.engine)
     referee = Referee(task, plant.model, config.time_limit)
     estimate = make_estimator(config.estimator, plant.model)

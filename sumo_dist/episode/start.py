@@ -5,6 +5,7 @@ import numpy as np
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.disturb import plant_profile
 from sumo_dist.episode.plant import Plant
+from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks.reset import Start
@@ -22,6 +23,12 @@ def make_plant(config: EpisodeConfig, task: Task) -> Plant:
     return Plant(task.scene, start, config.estimator, profile, config.seed)
 
 
-def make_guard(task: Task, plant: Plant) -> CommandGuard:
-    """Return what every command to a task's plant goes by."""
-    return CommandGuard(task.scene.robot, plant.model, plant.step, TICK)
+def make_guard(task: Task, plant: Plant, recording: Recording | None = None) -> CommandGuard:
+    """Return what every command to a task's plant goes by; what it sends is recorded."""
+
+    def send(targets: np.ndarray) -> None:
+        if recording is not None:
+            recording.targets.append(targets)
+        plant.step(targets)
+
+    return CommandGuard(task.scene.robot, plant.model, send, TICK)

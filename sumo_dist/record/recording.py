@@ -31,6 +31,7 @@ class Recording:
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
+        targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
         commands: joint targets sent, and how many the guard had to change, by reason.
     """
 
@@ -48,6 +49,7 @@ class Recording:
     costs: list[np.ndarray] = field(default_factory=list)
     terms: list[np.ndarray] = field(default_factory=list)
     traces: list[np.ndarray] = field(default_factory=list)
+    targets: list[np.ndarray] = field(default_factory=list)
     commands: dict[str, int] = field(default_factory=dict)
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
