@@ -14,6 +14,7 @@ from sumo_dist.episode.local import report
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.fit import fitted
 from sumo_dist.planner.follow import misfit
 from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
 from sumo_dist.planner.planner import Planner, PlanRequest
@@ -49,6 +50,7 @@ class OptimizerOptions:
         seed: of the sampling noise.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
+        fit: in realtime, make fewer rollouts when the workers cannot do all of them in time.
     """
 
     task: str
@@ -59,6 +61,7 @@ class OptimizerOptions:
     seed: int = 0
     engine: str = "auto"
     compensate: bool = True
+    fit: bool = True
 
 
 def run(options: OptimizerOptions, stop: threading.Event) -> None:
@@ -148,6 +151,7 @@ class Service:
         self._last: PlanMessage | None = None
         self._last_clock = ""
         self._failing = False
+        self._fewer = False  # rollouts than configured
         self._refused = 0  # questions that made no sense
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
 
@@ -221,7 +225,7 @@ class Service:
                 self._engine, self._actions, previous, state.tick, tick, start, memory
             )
         request = PlanRequest(number, tick, start, memory, previous)
-        made = self._make(request, began, status.speed)
+        made = self._make(request, began, status.speed, self._fitted(budget))
         self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
         self._publish(made, status.clock)
 
@@ -247,8 +251,27 @@ class Service:
             last = self._last.plan.number
         return number if number is not None and number > last else None
 
-    def _make(self, request: PlanRequest, began: float, speed: float = 0.0) -> PlanReport:
-        result = self._planner.plan(request, self._evaluator)
+    def _fitted(self, budget: float) -> int | None:
+        """Rollouts that the workers manage in the time there is [s]; None for all."""
+        if not self._options.fit:
+            return None
+        rollouts = fitted(self._options.planner, self._evaluator.pace, budget * 1e3)
+        fewer = rollouts < self._options.planner.rollouts
+        if fewer != self._fewer:
+            self._fewer = fewer
+            most = self._options.planner.rollouts
+            how = f"{rollouts} of {most}, as the workers manage" if fewer else f"all {most} again"
+            self._tell("warning" if fewer else "info", f"rollouts per plan: {how}")
+        return rollouts
+
+    def _make(
+        self,
+        request: PlanRequest,
+        began: float,
+        speed: float = 0.0,
+        rollouts: int | None = None,
+    ) -> PlanReport:
+        result = self._planner.plan(request, self._evaluator, rollouts)
         plan_ms = (time.perf_counter() - began) * 1e3
         return report(
             result,

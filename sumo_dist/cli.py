@@ -63,6 +63,7 @@ COMMANDS = {
     "bench estimator": Command(
         "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
     ),
+    "bench latency": Command("Count successes with late plans", "sumo_dist.bench.latency"),
     "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.fuzz"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(

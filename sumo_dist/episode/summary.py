@@ -62,6 +62,8 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
         "missed_deadlines": int(np.maximum(np.diff(recording.plan_numbers) - 1, 0).sum()),
         "partial_plans": int(np.count_nonzero(recording.lost)),
         "rollouts_lost": int(np.sum(recording.lost) + np.sum(recording.reissued)),
+        "rollouts_per_plan_p50": _finite(np.percentile(recording.rollouts or [np.nan], 50)),
+        "rollouts_per_plan_min": min(recording.rollouts, default=None),
         "plan_age_ms_p50": _age_ms(recording, 50),
         "plan_age_ms_p99": _age_ms(recording, 99),
         "commands": recording.commands,

@@ -27,7 +27,9 @@ class Recording:
         plan_numbers, plan_ticks, plan_ms: per plan; the tick it is anchored on; wall time [ms].
         age_ticks, lost, reissued: per plan, as in PlanReport.
         knots: per plan, (K, n) normalised actions.
-        costs: per plan, (B,) candidates' costs, +inf where lost or invalid.
+        rollouts: per plan, candidates B it was made of; in realtime as many as the workers manage.
+        costs: per plan, (B,) candidates' costs, +inf where lost or invalid; on disk all plans have
+            as many as the largest, the rest +inf.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
@@ -45,6 +47,7 @@ class Recording:
     age_ticks: list[int] = field(default_factory=list)
     lost: list[int] = field(default_factory=list)
     reissued: list[int] = field(default_factory=list)
+    rollouts: list[int] = field(default_factory=list)
     knots: list[np.ndarray] = field(default_factory=list)
     costs: list[np.ndarray] = field(default_factory=list)
     terms: list[np.ndarray] = field(default_factory=list)
@@ -66,6 +69,7 @@ class Recording:
         self.age_ticks.append(report.age_ticks)
         self.lost.append(report.lost)
         self.reissued.append(report.reissued)
+        self.rollouts.append(len(report.costs))
         self.knots.append(report.plan.knots)
         self.costs.append(np.where(report.finite, report.costs, np.inf))
         self.terms.append(report.terms)
@@ -92,8 +96,11 @@ class Recording:
         arrays: dict[str, Any] = {
             name: np.array(rows)
             for name, rows in vars(self).items()
-            if name not in ("config", "commands")
+            if name not in ("config", "commands", "costs")
         }
+        most = max(map(len, self.costs), default=0)
+        padded = [np.pad(c, (0, most - len(c)), constant_values=np.inf) for c in self.costs]
+        arrays["costs"] = np.array(padded)
         partial = path.with_suffix(".part.npz")
         config, commands = json.dumps(self.config), json.dumps(self.commands)
         np.savez_compressed(partial, format=FORMAT, config=config, commands=commands, **arrays)

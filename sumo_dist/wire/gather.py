@@ -120,6 +120,11 @@ class RemoteEvaluator:
         """Number of workers that take shards."""
         return len(self._usable())
 
+    @property
+    def pace(self) -> float:
+        """Rollouts per ms of all workers that take shards, as measured on their answers."""
+        return sum(self._usable().values())
+
     def workers_health(self) -> dict[str, str]:
         """One line a worker: its pace, and why it is passed over, if it is."""
         lines = {}

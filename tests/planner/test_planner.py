@@ -176,3 +176,11 @@ def test_coloured_noise_makes_neighbouring_nodes_move_together():
 
     assert together(0.0) == pytest.approx(0.0, abs=0.1)
     assert together(2.0) == pytest.approx(0.78, abs=0.1)
+
+
+@pytest.mark.parametrize("iterations", [1, 2])
+def test_a_plan_of_fewer_rollouts_has_as_many_candidates(iterations):
+    bowl = Bowl()
+    planner = Planner(PlannerConfig(iterations=iterations), ACTIONS, seed=0)
+    planner.plan(request(), bowl, rollouts=9)
+    assert sum(map(len, bowl.asked)) == 9
