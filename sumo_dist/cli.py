@@ -51,6 +51,7 @@ COMMANDS = {
     "resume": Command(
         "Let a robot that has stopped go on", "sumo_dist.commands.orders", entry="resume"
     ),
+    "top": Command("Show who is alive and what they lose", "sumo_dist.commands.top"),
     "chaos": Command("Run fault scripts and judge the runs", "sumo_dist.commands.chaos"),
     "task check": Command(
         "Say whether a task is fit to be planned for", "sumo_dist.commands.task_check"

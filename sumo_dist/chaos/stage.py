@@ -13,6 +13,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from sumo_dist.chaos.script import Fault, Script
 from sumo_dist.chaos.verdict import Outcome, judge
 from sumo_dist.commands import serve
@@ -21,7 +23,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import anchor_tick
-from sumo_dist.services.launcher import Launcher, Service, listening
+from sumo_dist.services.launcher import Launcher, Service
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.mangle import Mangler
@@ -30,6 +32,7 @@ from sumo_dist.wire.messages import PlanMessage
 PATIENCE_S = 180.0  # for a whole run
 LOOK_S = 0.25  # between two looks at the processes' memory
 GROWN_UP_S = 6.0  # younger processes still load what they need
+START_S = 30.0  # a router is up by then, on a busy machine as well
 ROUTERS = ("router", "far-router")
 
 
@@ -94,7 +97,14 @@ class Stage:
         self.mangled: Counter[str] = Counter()
 
     def __enter__(self) -> "Stage":
-        near, far = listening("tcp/127.0.0.1:0"), listening("tcp/127.0.0.1:0")
+        try:
+            return self._entered()
+        except BaseException:
+            self._stack.close()  # what was started by then
+            raise
+
+    def _entered(self) -> "Stage":
+        near, far = _free_endpoint(), _free_endpoint()
         planned = self._planned(near)
         self._launcher = self._stack.enter_context(Launcher())
         self._start(Service("router", "router", serve.Router(near)))
@@ -102,7 +112,7 @@ class Stage:
             self._start(Service("far-router", "router", serve.Router(far)))
             self._mangler = self._stack.enter_context(Mangler(near, far, self._script.seed))
             self.mangled = self._mangler.done
-        self._bus = self._stack.enter_context(Bus.dial(near, "spot"))
+        self._bus = self._stack.enter_context(Bus.dial(near, "spot", timeout=START_S))
         self._alive = self._bus.watch()
         self._bus.subscribe(PlanMessage, self._on_plan)
         for service in planned:
@@ -210,6 +220,15 @@ class Stage:
             self._newest = max(self._newest, plan.number)
             if not message.failed:
                 self._good = time.monotonic()
+
+
+def _free_endpoint() -> str:
+    """An endpoint below the ports that systems hand out to others between now and its use."""
+    while True:
+        port = int(np.random.default_rng().integers(15_000, 32_000))
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) != 0:
+                return f"tcp/127.0.0.1:{port}"
 
 
 def _names(member: Member, service: str) -> bool:

@@ -22,7 +22,7 @@ from sumo_dist.wire.tamper import TAMPERS
 LINK_RULES = ("drop", "delay", "duplicate", "cut")
 RULES = (*LINK_RULES, *TAMPERS)
 
-_OPEN_S = 10.0
+_OPEN_S = 30.0
 _ECHO_S = 0.005  # from a message to its duplicate
 
 
