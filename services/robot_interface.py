@@ -13,7 +13,7 @@ from sumo_dist.episode.realtime import RealtimeLoop, calibrate
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.safety import sitting_down
 from sumo_dist.episode.start import make_guard, make_plant
-from sumo_dist.episode.summary import Ending, summarise, write_summary
+from sumo_dist.episode.summary import Ending, keep
 from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.planner.follow import misfit
 from sumo_dist.planner.problem import Problem, planning_options
@@ -81,7 +81,9 @@ def run(options: RobotOptions, stop: threading.Event) -> int:
                 bus.publish(end)
                 time.sleep(0.02)
     recording.commands = body.guard.account()
-    return _write(options.out, recording, Ending(reason, wall))
+    ending = Ending(reason, wall)
+    keep(recording, ending, options.out)
+    return ending.exit_code
 
 
 class _Body:
@@ -155,16 +157,3 @@ class _Body:
         for targets in sitting_down(self._task.scene.robot, self.guard.last):
             self.guard.send(targets)
             self._recording.add_tick(self.plant.state, self.plant.state, memory)
-
-
-def _write(out: Path, recording: Recording, ending: Ending) -> int:
-    """Keep what happened; a full disk is a fault of its own and takes nothing else with it."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        write_summary(summarise(recording, ending), out)  # the smaller one first
-        recording.save(out / "run.npz")
-    except OSError as error:
-        raise SumoError(
-            f"the run ended ({ending.reason}) and {out} cannot take it: {error}"
-        ) from None
-    return ending.exit_code

@@ -12,7 +12,7 @@ import tyro
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
-from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
+from sumo_dist.episode.summary import keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
@@ -158,8 +158,7 @@ def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
 
     terms = [term.name for term in load_task(episode.task).cost]
     recording, ending = run_single(episode, threads, Progress(terms, _say))
-    recording.save(out / "run.npz")
-    write_summary(summarise(recording, ending), out)
+    keep(recording, ending, out)
     if _has_view():
         from sumo_dist.record import replay
 

@@ -74,6 +74,22 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     }
 
 
+def keep(recording: Recording, ending: Ending, folder: Path) -> None:
+    """Write DIR/summary.json and DIR/run.npz.
+
+    Raises:
+        SumoError: the disk does not take them; what fits is there, the summary first.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_summary(summarise(recording, ending), folder)
+        recording.save(folder / "run.npz")
+    except OSError as error:
+        raise SumoError(
+            f"the run ended ({ending.reason}) and {folder} cannot take it: {error}"
+        ) from None
+
+
 def write_summary(summary: dict[str, Any], folder: Path) -> None:
     """Write DIR/summary.json."""
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")

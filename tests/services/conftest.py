@@ -1,4 +1,6 @@
 import socket
+import subprocess
+import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,7 +17,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import anchor_tick
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
-from sumo_dist.services.launcher import Launcher, Service
+from sumo_dist.services.launcher import Launcher, Service, flags
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import PlanMessage
@@ -92,6 +94,13 @@ class System:
 
     def start_again(self, name):
         self.start(self._services[name])
+
+    def replace_robot(self, preexec_fn):
+        """Start the robot again, under conditions of its own."""
+        self.kill("robot-interface")
+        service = self._services["robot-interface"]
+        command = [sys.executable, "-m", "sumo_dist", service.command, *flags(service.options)]
+        self.processes["robot-interface"] = subprocess.Popen(command, preexec_fn=preexec_fn)  # noqa: PLW1509
 
     @property
     def run_id(self):
