@@ -128,6 +128,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(exit_.code or 0)
     except KeyboardInterrupt:
         return 130
+    except ImportError as error:  # what a native module makes of a signal that comes meanwhile
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return 130
+        raise
 
 
 def _overview() -> str:
