@@ -7,12 +7,15 @@ the robot reports, so an optimizer that is restarted goes on where the last one 
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from sumo_dist.episode.local import report
-from sumo_dist.errors import Interrupted
+from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.fit import fitted
+from sumo_dist.planner.follow import misfit
 from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -23,6 +26,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.gather import RemoteEvaluator
+from sumo_dist.wire.health import Counters, Pulse
 from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import PlanMessage, State, Status
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
@@ -46,6 +50,7 @@ class OptimizerOptions:
         seed: of the sampling noise.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
+        fit: in realtime, make fewer rollouts when the workers cannot do all of them in time.
     """
 
     task: str
@@ -56,6 +61,7 @@ class OptimizerOptions:
     seed: int = 0
     engine: str = "auto"
     compensate: bool = True
+    fit: bool = True
 
 
 def run(options: OptimizerOptions, stop: threading.Event) -> None:
@@ -66,10 +72,12 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
     with (
         problem.engine(1, options.engine) as engine,
         Bus.dial(options.connect, options.robot, run=options.run) as bus,
+        ExitStack() as stack,
     ):
         tell = teller(bus, options.run, "optimizer")
         evaluator = RemoteEvaluator(bus, options.run, problem, options.planner, build, stop, tell)
         feed, service = Feed(bus), Service(options, bus, problem, engine, evaluator, tell)
+        stack.enter_context(Pulse(bus, options.run, "optimizer", service.health))
         bus.announce("optimizer", "main", build)
         while not stop.is_set():
             snapshot = feed.wait(service.wants, timeout=0.1)
@@ -79,6 +87,8 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
                 service.handle(*snapshot)
             except Interrupted:
                 return
+            except SumoError as error:  # of a question that makes no sense, not of this service
+                service.refuse(str(error))
 
 
 class Feed:
@@ -109,8 +119,9 @@ class Feed:
 
     def _on_state(self, state: State) -> None:
         with self._arrived:
+            self._states.pop(state.tick, None)
             self._states[state.tick] = state
-            for tick in sorted(self._states)[:-8]:
+            for tick in list(self._states)[:-8]:  # by arrival: one of a wrong tick goes as well
                 del self._states[tick]
             self._arrived.notify_all()
 
@@ -140,6 +151,8 @@ class Service:
         self._last: PlanMessage | None = None
         self._last_clock = ""
         self._failing = False
+        self._fewer = False  # rollouts than configured
+        self._refused = 0  # questions that made no sense
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
 
     def wants(self, status: Status) -> bool:
@@ -148,8 +161,39 @@ class Service:
             return status.wanted >= 0
         return status.speed > 0 and self._target(status) is not None
 
+    def refuse(self, reason: str) -> None:
+        """Take note of a question that cannot be answered."""
+        self._refused += 1
+        if self._refused == 1:
+            self._tell("error", f"a plan that cannot be made: {reason}; from now on only counted")
+
+    def health(self) -> tuple[str, Counters]:
+        """How it is, for whoever watches."""
+        last = self._last
+        counters: dict[str, int | float | str] = {
+            "workers": self._evaluator.workers,
+            "refused": self._refused,
+            **self._evaluator.workers_health(),
+        }
+        if last is not None:
+            counters |= {
+                "plan": last.plan.number,
+                "plan ms": round(last.plan_ms, 1),
+                "age ticks": last.age_ticks,
+                "rollouts": len(last.costs),
+                "lost": last.lost,
+                "reissued": last.reissued,
+            }
+        return "failing" if self._failing else self._last_clock or "waiting", counters
+
     def handle(self, state: State, status: Status) -> None:
-        """Make and publish the plan that a status asks for, or repeat the one it has missed."""
+        """Make and publish the plan that a status asks for, or repeat the one it has missed.
+
+        Raises:
+            SumoError: state, memory or plan are not of this robot.
+        """
+        if status.followed is not None and (wrong := misfit(status.followed, self._actions)):
+            raise SumoError(f"the followed plan is none of this robot: {wrong}")
         if status.clock == "realtime":
             self._plan_realtime(state, status)
         elif (
@@ -181,13 +225,15 @@ class Service:
                 self._engine, self._actions, previous, state.tick, tick, start, memory
             )
         request = PlanRequest(number, tick, start, memory, previous)
-        made = self._make(request, began, status.speed)
+        made = self._make(request, began, status.speed, self._fitted(budget))
         self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
         self._publish(made, status.clock)
 
     def _following(self, status: Status) -> Plan | None:
         """The plan the robot will follow from now on: the newest that was sent to it."""
         sent = self._last.plan if self._last and self._last_clock == "realtime" else None
+        if sent is not None and (status.tick - sent.tick) * TICK > sent.horizon:
+            sent = None  # it has run out, or the robot has stopped since
         if sent is not None and (status.followed is None or sent.number > status.followed.number):
             return sent
         return status.followed
@@ -205,8 +251,27 @@ class Service:
             last = self._last.plan.number
         return number if number is not None and number > last else None
 
-    def _make(self, request: PlanRequest, began: float, speed: float = 0.0) -> PlanReport:
-        result = self._planner.plan(request, self._evaluator)
+    def _fitted(self, budget: float) -> int | None:
+        """Rollouts that the workers manage in the time there is [s]; None for all."""
+        if not self._options.fit:
+            return None
+        rollouts = fitted(self._options.planner, self._evaluator.pace, budget * 1e3)
+        fewer = rollouts < self._options.planner.rollouts
+        if fewer != self._fewer:
+            self._fewer = fewer
+            most = self._options.planner.rollouts
+            how = f"{rollouts} of {most}, as the workers manage" if fewer else f"all {most} again"
+            self._tell("warning" if fewer else "info", f"rollouts per plan: {how}")
+        return rollouts
+
+    def _make(
+        self,
+        request: PlanRequest,
+        began: float,
+        speed: float = 0.0,
+        rollouts: int | None = None,
+    ) -> PlanReport:
+        result = self._planner.plan(request, self._evaluator, rollouts)
         plan_ms = (time.perf_counter() - began) * 1e3
         return report(
             result,

@@ -23,7 +23,8 @@ from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import misfit
-from sumo_dist.wire.keys import checked_name
+from sumo_dist.wire.health import Counters, Pulse
+from sumo_dist.wire.keys import BY_HAND, checked_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -67,7 +68,11 @@ def run(options: WorkerOptions, stop: threading.Event) -> None:
     _, build = engine_identity(options.engine)
     os.nice(NICENESS)
     inbox = Inbox()
-    with Bus.dial(options.connect, options.robot) as bus, Workshop(options) as workshop:
+    with (
+        Bus.dial(options.connect, options.robot) as bus,
+        Workshop(options) as workshop,
+        Pulse(bus, BY_HAND, options.name, workshop.health),
+    ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
         optimizers = bus.watch("optimizer")
         bus.announce("worker", options.name, build)
@@ -131,6 +136,14 @@ class Workshop:
         self._evaluator: Evaluator | None = None
         self._plan: tuple[str, int, int] | None = None
         self._answers: dict[bytes, tuple[Evaluation, float]] = {}
+        self._done = self._refusals = 0  # requests answered and refused
+        self._busy_ms = 0.0
+
+    def health(self) -> tuple[str, Counters]:
+        """How it is, for whoever watches."""
+        task = self._key[0] if self._key else ""
+        counters = {"answered": self._done, "refused": self._refusals, "task": task}
+        return "worker", {**counters, "busy s": round(self._busy_ms / 1e3, 1)}
 
     def __enter__(self) -> "Workshop":
         return self
@@ -143,9 +156,11 @@ class Workshop:
         try:
             evaluation, compute_ms = self._evaluate(request)
         except SumoError as error:
+            self._refusals += 1
             return self._reply(
                 request, np.empty((0, 0)), np.empty(0, bool), refusal=str(error)
             ), None
+        self._done, self._busy_ms = self._done + 1, self._busy_ms + compute_ms
         valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
         terms = np.where(valid[:, None], evaluation.terms, 0.0)
         traces = Traces(

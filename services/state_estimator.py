@@ -5,12 +5,17 @@ import queue
 import threading
 from dataclasses import dataclass
 
+import mujoco
+import numpy as np
+
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.health import Counters, Pulse
+from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import Sensors, State
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -35,28 +40,55 @@ class EstimatorOptions:
 
 
 def run(options: EstimatorOptions, stop: threading.Event) -> None:
-    """Serve until told to stop. A reading that is sent again gets the same answer again."""
+    """Serve until told to stop."""
     model = compile_model(load_task(options.task).scene, PLANT)
-    newest: State | None = None
+    desk = Desk(options.estimator, model)
     with Bus.dial(options.connect, options.robot) as bus:
         inbox = bus.inbox(Sensors)
-        bus.announce("estimator", "main", options.estimator)
-        estimate = make_estimator(options.estimator, model)
-        while not stop.is_set():
-            try:
-                sensors = inbox.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            if newest is None or sensors.run != newest.run:
-                estimate, newest = make_estimator(options.estimator, model), None
-            if newest is None or sensors.tick > newest.tick:
+        with Pulse(bus, BY_HAND, "estimator", desk.health):
+            bus.announce("estimator", "main", options.estimator)
+            while not stop.is_set():
                 try:
-                    newest = State(sensors.run, sensors.tick, estimate(_readings(sensors)))
-                except SumoError as error:
-                    log.error("%s", error)
+                    state = desk.answer(inbox.get(timeout=0.1))
+                except queue.Empty:
                     continue
-            if sensors.tick == newest.tick:
-                bus.publish(newest)
+                if state is not None:
+                    bus.publish(state)
+
+
+class Desk:
+    """Answers readings with states. A reading that is sent again gets the same answer again."""
+
+    def __init__(self, estimator: str, model: mujoco.MjModel) -> None:
+        """Estimate states of a scene's model."""
+        self._kind, self._model = estimator, model
+        self._estimate = make_estimator(estimator, model)
+        self._newest: State | None = None
+        self._failures = 0
+
+    def health(self) -> tuple[str, Counters]:
+        """How it is, for whoever watches."""
+        outliers = getattr(self._estimate, "outliers", 0)
+        tick = self._newest.tick if self._newest else -1
+        return self._kind, {"tick": tick, "outliers": outliers, "failures": self._failures}
+
+    def answer(self, sensors: Sensors) -> State | None:
+        """Return the state at the readings' tick, None if there is none to be had."""
+        newest = self._newest
+        if newest is None or sensors.run != newest.run:
+            self._estimate, newest = make_estimator(self._kind, self._model), None
+        if newest is None or sensors.tick > newest.tick:
+            try:
+                state = self._estimate(_readings(sensors))
+                if not np.isfinite(state).all():  # and a filter does not forget that by itself
+                    self._estimate = make_estimator(self._kind, self._model)
+                    raise SumoError("the sensors' packets make no sense: starting afresh")
+            except SumoError as error:
+                self._failures += 1
+                log.error("%s", error)
+                return None
+            self._newest = newest = State(sensors.run, sensors.tick, state)
+        return newest if sensors.tick == newest.tick else None
 
 
 def _readings(sensors: Sensors) -> Readings:

@@ -45,6 +45,14 @@ COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
+    "stop": Command(
+        "Make a running robot sit down at once", "sumo_dist.commands.orders", entry="stop"
+    ),
+    "resume": Command(
+        "Let a robot that has stopped go on", "sumo_dist.commands.orders", entry="resume"
+    ),
+    "top": Command("Show who is alive and what they lose", "sumo_dist.commands.top"),
+    "chaos": Command("Run fault scripts and judge the runs", "sumo_dist.commands.chaos"),
     "task check": Command(
         "Say whether a task is fit to be planned for", "sumo_dist.commands.task_check"
     ),
@@ -54,6 +62,11 @@ COMMANDS = {
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
     "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.policy"),
     "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
+    "bench estimator": Command(
+        "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
+    ),
+    "bench latency": Command("Count successes with late plans", "sumo_dist.bench.latency"),
+    "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.fuzz"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(
         "Compare the optimizers at the same budgets", "sumo_dist.bench.optimizers"
@@ -122,6 +135,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(exit_.code or 0)
     except KeyboardInterrupt:
         return 130
+    except ImportError as error:  # what a native module makes of a signal that comes meanwhile
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return 130
+        raise
 
 
 def _overview() -> str:

@@ -19,6 +19,10 @@ class Interrupted(SumoError):
     """A service was told to stop while it waited for something."""
 
 
+class Stopped(SumoError):
+    """A person stopped the robot; the message says who and why."""
+
+
 def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:
     """Build the error for a name that is not in a set of valid names."""
     return UsageError(f"unknown {kind} {name!r}; valid: {', '.join(sorted(valid)) or '(none)'}")

@@ -47,6 +47,8 @@ class Settings:
         jobs: trials at a time in this machine's processes; by default one for each core.
         listen: endpoint for `sumo-dist trial-worker` of other hosts, such as tcp/0.0.0.0:7448;
             with it, jobs may be 0.
+        plant: nominal, perturbed or hard, see `sumo-dist run --help`.
+        estimator: truth or lowpass.
     """
 
     trials: int = 20
@@ -58,6 +60,8 @@ class Settings:
     time_limit: float | None = None
     jobs: int | None = None
     listen: str | None = None
+    plant: str = "nominal"
+    estimator: str = "truth"
 
     def __post_init__(self) -> None:
         for name, least in (("trials", 1), ("jobs", 1 if self.listen is None else 0)):
@@ -79,7 +83,11 @@ class Settings:
     def episode(self, task: str, seed: int) -> EpisodeConfig:
         """Return what decides a trial, checked."""
         return EpisodeConfig(
-            task, seed, self.planner(), time_limit=self.time_limit, engine=self.engine
+            *(task, seed, self.planner()),
+            estimator=self.estimator,
+            time_limit=self.time_limit,
+            engine=self.engine,
+            plant=self.plant,
         )
 
 
@@ -255,7 +263,8 @@ def say(line: str) -> None:
 def _common_settings(episode: EpisodeConfig) -> Row:
     """Return what all rows of a campaign share."""
     _, build = checked_engine(episode.engine)
-    return {"planner": asdict(episode.planner), "engine_build": build}
+    plant = {"plant": episode.plant, "estimator": episode.estimator}
+    return {"planner": asdict(episode.planner), "engine_build": build, **plant}
 
 
 def _task_settings(episode: EpisodeConfig) -> Row:

@@ -25,6 +25,7 @@ class Crew:
         viewer: "web", "native" or "none"; None leaves out the tracer.
         speed: of the realtime clock; None fits it to the planner.
         wait: how long the robot waits for an answer [s].
+        resume_wait: how long a stopped robot waits to be told to go on [s].
     """
 
     episode: EpisodeConfig
@@ -34,10 +35,13 @@ class Crew:
     viewer: str | None
     speed: float | None
     wait: float
+    resume_wait: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
             raise UsageError(f"wait must be in (0, 3600] s, got {self.wait}")
+        if not 0 <= self.resume_wait <= 86400:
+            raise UsageError(f"resume-wait must be from 0 to 86400 s, got {self.resume_wait}")
 
 
 def run_distributed(crew: Crew, listen: str) -> int:
@@ -73,5 +77,6 @@ def services(crew: Crew, endpoint: str) -> Iterator[Service]:
     if crew.viewer is not None:
         tracer = serve.Tracer(episode=episode, out=crew.out, viewer=crew.viewer, **run)
         yield Service("tracer", "tracer", tracer, vital=False)
-    robot = serve.Robot(episode=episode, out=crew.out, speed=crew.speed, wait=crew.wait, **run)
+    patience = {"wait": crew.wait, "resume_wait": crew.resume_wait}
+    robot = serve.Robot(episode=episode, out=crew.out, speed=crew.speed, **patience, **run)
     yield Service("robot-interface", "robot-interface", robot)

@@ -12,7 +12,7 @@ import tyro
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
-from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
+from sumo_dist.episode.summary import keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
@@ -37,6 +37,8 @@ class Options:
         clock: lockstep (the robot waits for its plans) or realtime.
         speed: of the realtime clock, robot time per wall time; auto fits it to the planner.
         estimator: truth or lowpass.
+        plant: nominal (the planner's model), perturbed or hard: masses, friction, gains, sensors
+            and command link that the planner knows nothing of.
         time_limit: robot time [s]; the task's own by default.
         viewer: web, native or none.
         out: folder for summary.json, run.npz and run.rrd.
@@ -44,6 +46,8 @@ class Options:
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
         wait: how long the robot waits for an answer before the run ends [s].
+        resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
+            before the run ends [s].
     """
 
     task: Annotated[str, tyro.conf.Positional]
@@ -55,6 +59,7 @@ class Options:
     clock: str = "lockstep"
     speed: str = "auto"
     estimator: str = "truth"
+    plant: str = "nominal"
     time_limit: float | None = None
     viewer: str = "web"
     out: Path | None = None
@@ -62,12 +67,15 @@ class Options:
     engine: str = "auto"
     listen: str = DEFAULT_LISTEN
     wait: float = 60.0
+    resume_wait: float = 0.0
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
         planner = PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
         return EpisodeConfig(
-            self.task, self.seed, planner, self.clock, self.estimator, self.time_limit, self.engine
+            *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
+            engine=self.engine,
+            plant=self.plant,
         )
 
     def folder(self) -> Path:
@@ -98,7 +106,10 @@ def main(options: Options) -> int:
         from sumo_dist.commands.distributed import Crew, run_distributed
 
         viewer = options.viewer if _has_view() else None
-        crew = Crew(episode, workers, threads, out, viewer, _speed(options), options.wait)
+        crew = Crew(
+            *(episode, workers, threads, out, viewer, _speed(options), options.wait),
+            resume_wait=options.resume_wait,
+        )
         code = run_distributed(crew, options.listen)
     print(f"{one_line(read_summary(out))}; in {out}")
     return code
@@ -147,8 +158,7 @@ def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
 
     terms = [term.name for term in load_task(episode.task).cost]
     recording, ending = run_single(episode, threads, Progress(terms, _say))
-    recording.save(out / "run.npz")
-    write_summary(summarise(recording, ending), out)
+    keep(recording, ending, out)
     if _has_view():
         from sumo_dist.record import replay
 

@@ -1,6 +1,5 @@
 """The services as commands: signals, logging and the launcher's death around each of them."""
 
-import logging
 import os
 import signal
 import threading
@@ -9,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from sumo_dist.commands import logs
 from sumo_dist.services import optimizer as optimizer_service
 from sumo_dist.services import robot_interface, rollout_worker, state_estimator, trial_worker
 from sumo_dist.services import router as router_service
@@ -88,7 +88,7 @@ def robot(options: Robot) -> int:
 @contextmanager
 def service() -> Iterator[threading.Event]:
     """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death."""
-    logging.basicConfig(format="%(name)s: %(message)s", level=logging.INFO)
+    logs.configure()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from sumo_dist.episode.disturb import plant_profile
 from sumo_dist.episode.summary import versions
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import ESTIMATORS
@@ -25,6 +26,7 @@ class EpisodeConfig:
         estimator: "truth" or "lowpass".
         time_limit: robot time [s]; None takes the task's.
         engine: kind of rollout engine, see rollout.make_engine.
+        plant: "nominal", "perturbed" or "hard", see episode.disturb.
     """
 
     task: str
@@ -34,6 +36,7 @@ class EpisodeConfig:
     estimator: str = "truth"
     time_limit: float | None = None
     engine: str = "auto"
+    plant: str = "nominal"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "task", task_source(self.task))
@@ -41,6 +44,7 @@ class EpisodeConfig:
             raise unknown("clock", self.clock, CLOCKS)
         if self.estimator not in ESTIMATORS:
             raise unknown("estimator", self.estimator, ESTIMATORS)
+        plant_profile(self.plant)
         if not 0 <= self.seed < 2**63:
             raise UsageError(f"seed must be a whole number from 0 to 2^63 - 1, got {self.seed}")
         if self.time_limit is not None and not 0 < self.time_limit <= 3600:
@@ -56,6 +60,8 @@ class EpisodeConfig:
             "engine": engine,
             "clock": self.clock,
             "estimator": self.estimator,
+            "plant": self.plant,
+            "plant_profile": asdict(plant_profile(self.plant)),
             "seed": self.seed,
             "planner": asdict(self.planner),
             "task_hash": problem.hash,

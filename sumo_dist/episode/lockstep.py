@@ -10,11 +10,13 @@ import numpy as np
 
 from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
+from sumo_dist.errors import SumoError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan, plan_due
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
+from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.rollout.interface import Controller
 
@@ -26,6 +28,7 @@ MakePlan = Callable[[PlanRequest], PlanReport]
 
 def run_lockstep(
     plant: Plant,
+    guard: CommandGuard,
     controller: Controller,
     actions: ActionSpace,
     referee: Referee,
@@ -33,7 +36,11 @@ def run_lockstep(
     make_plan: MakePlan,
     recording: Recording,
 ) -> str:
-    """Run one episode to its end and return the referee's verdict."""
+    """Run one episode to its end and return the referee's verdict; commands go by the guard.
+
+    Raises:
+        SumoError: the policy's joint targets are not finite.
+    """
     memory = controller.initial_memory()
     plan: Plan | None = None
     while True:
@@ -49,7 +56,8 @@ def run_lockstep(
             plan = report.plan
         assert plan is not None, "tick 0 always asks for plan 0"
         targets, memory = act(controller, actions, plan, plant.tick, state, memory, plant.model.nq)
-        plant.step(targets)
+        if not guard.send(targets):
+            raise SumoError(f"the policy's joint targets are not finite at tick {plant.tick - 1}")
 
 
 def act(

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from sumo_dist.episode.disturb import NOMINAL, CommandLink, NoisySensors, PlantProfile, perturb
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, ModelOptions, Scene, compile_model
@@ -24,7 +25,14 @@ def mocap_times_ms(first: int, last: int) -> np.ndarray:
 class Plant:
     """MuJoCo behind the interface of a robot: joint targets in, readings out, one tick a step."""
 
-    def __init__(self, scene: Scene, state: np.ndarray, estimator: str = "truth") -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        state: np.ndarray,
+        estimator: str = "truth",
+        profile: PlantProfile = NOMINAL,
+        seed: int = 0,
+    ) -> None:
         """Start at a state (nq + nv,).
 
         Args:
@@ -32,10 +40,15 @@ class Plant:
             state: initial state.
             estimator: what the readings are for. "truth": the state itself, at 0.01 s physics;
                 "lowpass": encoder and motion-capture packets, at 0.001 s physics.
+            profile: in what it departs from the model. Noise of sensors is in packets only.
+            seed: of what the profile leaves to chance.
         """
-        timestep = PLANT.timestep if estimator == "truth" else 0.001
+        timestep = (profile.timestep or PLANT.timestep) if estimator == "truth" else 0.001
         options = ModelOptions(timestep, PLANT.fluid_density)
         self.model = compile_model(scene, options)
+        if profile != NOMINAL:
+            perturb(self.model, profile, seed)
+        self._sensors, self._commands = NoisySensors(profile, seed), CommandLink(profile, seed)
         self._data = mujoco.MjData(self.model)
         self._substeps = round(TICK / timestep)
         self._packets = estimator == "lowpass"
@@ -55,7 +68,7 @@ class Plant:
         self._mocap: list[tuple[int, np.ndarray]] = []
         if self._packets:
             self._encoders.append((0, self._read_joints()))
-            self._mocap.append((0, self._read_bodies()))
+            self._mocap.append((0, self._read_bodies()))  # the first frame is waited for
 
     @property
     def state(self) -> np.ndarray:
@@ -66,18 +79,19 @@ class Plant:
         """Hold joint targets (nu,) [rad] for one policy tick."""
         if not np.isfinite(targets).all():  # MuJoCo would take them for zeros
             raise SumoError(f"the policy's joint targets are not finite at tick {self.tick}")
-        self._data.ctrl[:] = targets
         self._encoders.clear()
-        self._mocap.clear()
         first = self.tick * 20
+        self._commands.send(first, targets)
         frames = set(mocap_times_ms(first, first + 20).tolist()) if self._packets else set()
         for i in range(self._substeps):
+            self._data.ctrl[:] = self._commands.at(first + i * 20 / self._substeps)
             mujoco.mj_step(self.model, self._data)
             stamp = first + i + 1
             if self._packets and stamp % ENCODER_PERIOD_MS == 0:
                 self._encoders.append((stamp, self._read_joints()))
             if stamp in frames:
-                self._mocap.append((stamp, self._read_bodies()))
+                self._sensors.expose(stamp, self._read_bodies())
+        self._mocap = self._sensors.arrived(first + 20)
         self.tick += 1
         if any(self._data.warning[kind].number for kind in _DIVERGED):
             raise SumoError(f"the simulation diverged at tick {self.tick}")
@@ -95,9 +109,8 @@ class Plant:
         )
 
     def _read_joints(self) -> np.ndarray:
-        return np.concatenate(
-            [self._data.qpos[self._joint_qpos], self._data.qvel[self._joint_qvel]]
-        )
+        positions, velocities = self._data.qpos[self._joint_qpos], self._data.qvel[self._joint_qvel]
+        return self._sensors.encoders(np.concatenate([positions, velocities]))
 
     def _read_bodies(self) -> np.ndarray:
         return np.stack([self._data.qpos[adr : adr + 7] for adr in self._free_qpos])

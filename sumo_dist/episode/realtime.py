@@ -2,27 +2,29 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal, Protocol
 
 import numpy as np
 
 from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
+from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.follow import Follower
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
+from sumo_dist.robots.guard import CommandGuard
+from sumo_dist.robots.robot import Robot
 from sumo_dist.rollout.interface import TICK, Controller
 from sumo_dist.tasks.task import Task
 
 PLAN_PERIOD = 0.05  # robot time between plans [s]
 CALIBRATION_PLANS = 12
+SLIP_S = 0.1  # wall time by which a tick may be late before the clock is set back
 STATE_PATIENCE = 0.3  # share of a tick that the policy waits for its own tick's state
-BLIND_TICKS = 5  # older than this, a state is no ground to stand on: the robot sits down
-SIT_S = 0.7  # from the last joint targets to the sitting pose
 
 
 class Link(Protocol):
@@ -56,6 +58,14 @@ class Link(Protocol):
         """Return the plans that came since the last call."""
         ...
 
+    def stop_order(self) -> str | None:
+        """Return who ordered the robot to stop and why, once for each order; None if nobody."""
+        ...
+
+    def resume_order(self) -> bool:
+        """Whether somebody said to go on since the last stop and the last call."""
+        ...
+
 
 def calibrate(plant: Plant, memory: np.ndarray, link: Link) -> float:
     """Return the speed at which the p90 plan fits its period, measured before the clock starts."""
@@ -70,11 +80,17 @@ def calibrate(plant: Plant, memory: np.ndarray, link: Link) -> float:
 
 
 class RealtimeLoop:
-    """One episode against the wall clock."""
+    """One episode against the wall clock.
+
+    Attributes:
+        mode: "running", "stopping", "stopped" or "rising", for whoever watches.
+        slipped_s: wall time by which the clock was set back because the robot came too late [s].
+    """
 
     def __init__(
         self,
         plant: Plant,
+        guard: CommandGuard,
         controller: Controller,
         task: Task,
         referee: Referee,
@@ -83,72 +99,135 @@ class RealtimeLoop:
         speed: float,
         stop: threading.Event,
         tell: Callable[[Literal["warning", "error"], str], None],
+        resume_wait: float = 0.0,
     ) -> None:
-        """Join the parts; `speed` is robot time per wall time."""
-        self._plant, self._controller, self._task, self._referee = plant, controller, task, referee
-        self._link, self._recording, self._speed = link, recording, speed
+        """Join the parts.
+
+        Args:
+            plant: the robot.
+            guard: the way of commands to it.
+            controller: its policy.
+            task: what it does.
+            referee: ends the run.
+            link: the rest of the system.
+            recording: is written.
+            speed: robot time per wall time.
+            stop: ends the run.
+            tell: speaks to people.
+            resume_wait: wall time for which a robot that has stopped waits to be told to go on,
+                before the run ends [s].
+        """
+        self._plant, self._guard, self._controller = plant, guard, controller
+        self._task, self._referee, self._link = task, referee, link
+        self._recording, self._speed, self._resume_wait = recording, speed, resume_wait
         self._stop, self._tell = stop, tell
         self._follower = Follower(task.actions)
         self._memory = controller.initial_memory()
-        self._targets = np.array(task.scene.robot.stand)
+        self._watch = StateWatch(task.scene.robot, plant.model.nq)
         self._began = 0.0
+        self.mode = "running"
+        self.slipped_s = 0.0
 
     def run(self) -> str:
-        """Return the referee's verdict, "interrupted", or the fault that made the robot sit."""
+        """Return the referee's verdict, "interrupted", or what made the robot stop."""
         self._began = time.monotonic()
         standing = False
         while True:
             tick = self._plant.tick
             if not self._wait_for(tick):
                 return "interrupted"
-            state = self._sense(tick)
-            if state is None:
-                return self._sit_down()
-            self._recording.add_tick(self._plant.state, state, self._memory)
-            verdict = self._referee.verdict(tick, self._plant.state)
-            if verdict is not None:
-                return verdict
-            for report in self._link.new_plans():
-                self._recording.add_plan(report)
-                self._follower.offer(report.plan)
-            if self._follower.exhausted(tick) != standing:
-                standing = not standing
-                self._tell(
-                    "warning", "the plan ran out: standing" if standing else "plans are back"
-                )
-            self._act(tick, state)
+            newest = self._sense(tick)
+            reason = self._link.stop_order() or self._watch.trip(tick, newest)
+            if reason is None and newest is not None:
+                self._recording.add_tick(self._plant.state, newest[1], self._memory)
+                verdict = self._referee.verdict(tick, self._plant.state)
+                if verdict is not None:
+                    return verdict
+                self._take_plans()
+                if self._follower.exhausted(tick) != standing:
+                    standing = not standing
+                    told = "the plan ran out: standing" if standing else "plans are back"
+                    self._tell("warning", told)
+                reason = self._act(tick, newest[1])
+            if reason is not None and (end := self._stopped(reason)) is not None:
+                return end
+
+    def _take_plans(self) -> None:
+        for report in self._link.new_plans():
+            self._recording.add_plan(report)
+            self._follower.offer(report.plan)
 
     def _wait_for(self, tick: int) -> bool:
         """Sleep until a tick is due; False if told to stop."""
         due = self._began + tick * TICK / self._speed
+        late = time.monotonic() - due
+        if late > SLIP_S:  # this process was held up: ticks in a burst would outrun its plans
+            self._began += late
+            self.slipped_s += late
         return not self._stop.wait(max(0.0, due - time.monotonic()))
 
-    def _sense(self, tick: int) -> np.ndarray | None:
-        """Exchange readings for a state; None if the newest is too old to act on."""
+    def _sense(self, tick: int) -> tuple[int, np.ndarray] | None:
+        """Exchange readings for the newest state and its tick."""
         self._link.send_readings(self._plant.read())
+        running = self.mode == "running"
         self._link.send_status(
-            tick, self._memory, self._follower.plan, "realtime", speed=self._speed
+            *(tick, self._memory, self._follower.plan, "realtime"),
+            speed=self._speed if running else 0.0,  # a robot that has stopped needs no plans
         )
-        newest = self._link.newest_state(tick, STATE_PATIENCE * TICK / self._speed)
-        if newest is None or tick - newest[0] > BLIND_TICKS:
-            return None
-        return newest[1]
+        return self._link.newest_state(tick, STATE_PATIENCE * TICK / self._speed)
 
-    def _act(self, tick: int, state: np.ndarray) -> None:
+    def _act(self, tick: int, state: np.ndarray) -> str | None:
+        """Follow the plan for a tick; return why that was not possible."""
         command = self._task.actions.commands(self._follower.action(tick))
         nq = self._plant.model.nq
-        self._targets, self._memory = self._controller.step(
-            state[:nq], state[nq:], command, self._memory
-        )
-        self._plant.step(self._targets)
+        targets, self._memory = self._controller.step(state[:nq], state[nq:], command, self._memory)
+        return None if self._guard.send(targets) else "fault: the policy's targets are not finite"
 
-    def _sit_down(self) -> str:
-        """Ramp the joints to the sitting pose: without a state the policy cannot stand."""
-        self._tell("error", "no state: sitting down")
-        sit, start = np.array(self._task.scene.robot.sit), self._targets
-        for step in range(round(2 * SIT_S / TICK)):
-            self._plant.step(start + min(1.0, step * TICK / SIT_S) * (sit - start))
+    def _stopped(self, reason: str) -> str | None:
+        """Sit down and stay so; return how the run ends, None once it stands as it was told to."""
+        robot: Robot = self._task.scene.robot
+        again: str | None = reason
+        while again is not None:
+            reason = again
+            self.mode = "stopping"
+            self._tell("error", f"{reason}: sitting down")
+            self._move(sitting_down(robot, self._guard.last))
+            self._link.resume_order()  # one of before says nothing about this stop
+            self.mode = "stopped"
+            if not self._told_to_rise():
+                return reason if reason == "fell" else f"{reason}, the robot sat down"
+            self.mode = "rising"
+            self._tell("warning", "told to go on: getting up")
+            again = self._move(getting_up(robot, self._guard.last), watched=True)
+        self._link.new_plans()  # of before
+        self._follower = Follower(self._task.actions)
+        self._memory = self._controller.initial_memory()
+        self.mode = "running"
+        return None
+
+    def _move(self, motion: Iterator[np.ndarray], watched: bool = False) -> str | None:
+        """Send joint targets one a tick; return why the robot must stop, if that is watched."""
+        for targets in motion:
+            self._guard.send(targets)
             self._recording.add_tick(self._plant.state, self._plant.state, self._memory)
-            if not self._wait_for(self._plant.tick):
-                break
-        return f"fault: no state for {BLIND_TICKS * TICK:g} s, the robot sat down"
+            tick = self._plant.tick
+            if not self._wait_for(tick):
+                return "interrupted"
+            newest = self._sense(tick)
+            reason = self._link.stop_order() or self._watch.trip(tick, newest)
+            if watched and reason is not None:
+                return reason
+        return None
+
+    def _told_to_rise(self) -> bool:
+        """Hold still until somebody says to go on and the state allows it."""
+        deadline = time.monotonic() + self._resume_wait
+        while time.monotonic() < deadline and not self._stop.is_set():
+            self._move(iter([self._guard.last]))
+            if self._link.resume_order():
+                tick = self._plant.tick
+                refusal = self._watch.may_rise(tick, self._link.newest_state(tick, 0.0))
+                if not refusal:
+                    return True
+                self._tell("warning", f"cannot go on: {refusal}")
+        return False

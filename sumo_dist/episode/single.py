@@ -6,9 +6,8 @@ from collections.abc import Callable
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.local import LocalPlanning
 from sumo_dist.episode.lockstep import MakePlan, run_lockstep
-from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.start import make_guard, make_plant
 from sumo_dist.episode.summary import Ending
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.estimate import make_estimator
@@ -52,17 +51,19 @@ def run_planned(
 ) -> Ending:
     """Run an episode whose plans may come from anywhere, and write it into the recording."""
     task = problem.task
-    plant = Plant(task.scene, draw_start(task, config.seed), config.estimator)
+    plant = make_plant(config, task)
+    guard = make_guard(task, plant, recording)
     controller = make_controller(problem.policy, plant.model, config.engine)
     referee = Referee(task, plant.model, config.time_limit)
     estimate = make_estimator(config.estimator, plant.model)
     began = time.perf_counter()
     try:
         reason = run_lockstep(
-            plant, controller, task.actions, referee, estimate, make_plan, recording
+            plant, guard, controller, task.actions, referee, estimate, make_plan, recording
         )
     except KeyboardInterrupt:
         reason = "interrupted"
     except SumoError as error:
         reason = f"fault: {error}"
+    recording.commands = guard.account()
     return Ending(reason, time.perf_counter() - began)

@@ -14,7 +14,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.rollout.interface import TICK
 
 _TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
-FAULTS = ("interrupted", "fault")  # reasons that are not the task's
+FAULTS = ("interrupted", "fault", "stopped")  # reasons that are not the task's
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,8 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     """Return the content of summary.json.
 
     Its counters: `missed_deadlines`, planning periods without a new plan; `partial_plans`, plans
-    made without some of their candidates; `rollouts_lost`, candidates left out or asked for twice.
+    made without some of their candidates; `rollouts_lost`, candidates left out or asked for twice;
+    `commands`, joint targets sent and how many of them the guard changed, by reason.
     """
     plan_ms = np.array(recording.plan_ms or [np.nan])
     seconds = max(len(recording.states) - 1, 0) * TICK
@@ -50,6 +51,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     return {
         "task": recording.config["task_name"],
         **{key: recording.config[key] for key in identity},
+        "plant": recording.config.get("plant", "nominal"),
         "success": success,
         "completion_time_s": round(seconds, 2) if success else None,
         "robot_time_s": round(seconds, 2),
@@ -60,11 +62,32 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
         "missed_deadlines": int(np.maximum(np.diff(recording.plan_numbers) - 1, 0).sum()),
         "partial_plans": int(np.count_nonzero(recording.lost)),
         "rollouts_lost": int(np.sum(recording.lost) + np.sum(recording.reissued)),
+        "rollouts_per_plan_p50": _finite(np.percentile(recording.rollouts or [np.nan], 50)),
+        "rollouts_per_plan_min": min(recording.rollouts, default=None),
+        "plan_age_ms_p50": _age_ms(recording, 50),
+        "plan_age_ms_p99": _age_ms(recording, 99),
+        "commands": recording.commands,
         "real_time_factor": round(seconds / ending.wall_s, 4) if ending.wall_s > 0 else None,
         "plan_digest": recording.plan_digest,
         "state_digest": recording.state_digest,
         "versions": recording.config["versions"],
     }
+
+
+def keep(recording: Recording, ending: Ending, folder: Path) -> None:
+    """Write DIR/summary.json and DIR/run.npz.
+
+    Raises:
+        SumoError: the disk does not take them; what fits is there, the summary first.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_summary(summarise(recording, ending), folder)
+        recording.save(folder / "run.npz")
+    except OSError as error:
+        raise SumoError(
+            f"the run ended ({ending.reason}) and {folder} cannot take it: {error}"
+        ) from None
 
 
 def write_summary(summary: dict[str, Any], folder: Path) -> None:
@@ -104,6 +127,12 @@ def versions() -> dict[str, str]:
     names = ("sumo-dist", "mujoco", "numpy", "eclipse-zenoh")
     found = {name: importlib.metadata.version(name) for name in names}
     return {**found, "python": platform.python_version(), "machine": platform.machine()}
+
+
+def _age_ms(recording: Recording, percent: int) -> float | None:
+    """Percentile of the robot time from a plan's state to the plan [ms]."""
+    ages = np.array(recording.age_ticks or [np.nan]) * TICK * 1e3
+    return _finite(np.percentile(ages, percent))
 
 
 def _finite(value: float) -> float | None:

@@ -31,6 +31,8 @@ class LowPassConfig:
         linear_velocity_hz, angular_velocity_hz: for the finite differences of these poses.
         blind_ms: with no packet of a sensor for longer than this there is no estimate. In few
             trials Spot walked through motion-capture gaps of 200 ms and fell in one of 220 ms.
+        gate_m, gate_rad: a pose further than this from where its body should be is an outlier.
+            Between frames a body that is hit hard moves some centimetres from its course.
     """
 
     joint_position_hz: float = 60.0
@@ -40,6 +42,8 @@ class LowPassConfig:
     linear_velocity_hz: float = 10.0
     angular_velocity_hz: float = 10.0
     blind_ms: float = 100.0
+    gate_m: float = 0.1
+    gate_rad: float = 0.5
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -77,7 +81,13 @@ class LowPassEstimator:
             (config.position_hz, config.rotation_hz),
             (config.linear_velocity_hz, config.angular_velocity_hz),
             config.blind_ms,
+            (config.gate_m, config.gate_rad),
         )
+
+    @property
+    def outliers(self) -> int:
+        """Poses that were left out so far."""
+        return self._bodies.outliers
 
     def __call__(self, readings: Readings) -> np.ndarray:
         """Return the state (nq + nv,) at the instant of the readings' tick.

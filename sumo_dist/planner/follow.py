@@ -4,11 +4,34 @@ from collections import deque
 
 import numpy as np
 
-from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.rollout.interface import TICK
 
+AHEAD_S = 2.0  # no plan is made for a time further off than this [s]
 STAND_RAMP_S = 0.5  # from the last action of a plan that ran out to standing still
+
+
+def misfit(plan: Plan, actions: ActionSpace, now: int | None = None) -> str:
+    """Say why a plan cannot be followed by a robot with these actions, "" if it can.
+
+    Its numbers are finite: what is not does not pass the wire.
+
+    Args:
+        plan: that came from outside.
+        actions: the robot's.
+        now: the tick it is; a plan from far ahead would keep out all that come before it.
+    """
+    if now is not None and (ahead := (plan.tick - now) * TICK) > AHEAD_S:
+        return f"it begins {ahead:.0f} s from now, at most {AHEAD_S:g}"
+    width = plan.knots.shape[-1] if plan.knots.ndim == 2 else 0
+    if width != actions.size:
+        return f"its knots have {width} numbers, this robot's actions {actions.size}"
+    if (most := float(np.abs(plan.knots).max())) > 1.0:
+        return f"an action of {most:g}, they lie in [-1, 1]"
+    if plan.number > 0 and plan.tick not in (0, anchor_tick(plan.number)):
+        return f"it is anchored on tick {plan.tick} instead of {anchor_tick(plan.number)}"
+    return ""
 
 
 class Follower:

@@ -1,7 +1,7 @@
 """One planning iteration (paper, Algorithm 1): shift, sample, roll out, update."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,11 +67,14 @@ class Planner:
         self._coloring = coloring(config.noise_exponent, config.nodes)
         self._node_times = np.linspace(0.0, config.horizon, config.nodes)
 
-    def plan(self, request: PlanRequest, evaluate: Evaluate) -> PlanResult:
-        """Run the iterations of one plan."""
+    def plan(
+        self, request: PlanRequest, evaluate: Evaluate, rollouts: int | None = None
+    ) -> PlanResult:
+        """Run the iterations of one plan; `rollouts` takes the place of the configured number."""
+        config = self.config if rollouts is None else replace(self.config, rollouts=rollouts)
         belief = Belief(self.shifted(request), self._sigma)  # (K, n)
         best, lowest, evaluation = belief.mean, np.inf, None
-        for iteration, count in enumerate(self.config.populations):
+        for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
             knots = sample(belief, count, rng, self._coloring)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)

@@ -27,10 +27,14 @@ class Recording:
         plan_numbers, plan_ticks, plan_ms: per plan; the tick it is anchored on; wall time [ms].
         age_ticks, lost, reissued: per plan, as in PlanReport.
         knots: per plan, (K, n) normalised actions.
-        costs: per plan, (B,) candidates' costs, +inf where lost or invalid.
+        rollouts: per plan, candidates B it was made of; in realtime as many as the workers manage.
+        costs: per plan, (B,) candidates' costs, +inf where lost or invalid; on disk all plans have
+            as many as the largest, the rest +inf.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
+        targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
+        commands: joint targets sent, and how many the guard had to change, by reason.
     """
 
     config: dict[str, Any]
@@ -43,10 +47,13 @@ class Recording:
     age_ticks: list[int] = field(default_factory=list)
     lost: list[int] = field(default_factory=list)
     reissued: list[int] = field(default_factory=list)
+    rollouts: list[int] = field(default_factory=list)
     knots: list[np.ndarray] = field(default_factory=list)
     costs: list[np.ndarray] = field(default_factory=list)
     terms: list[np.ndarray] = field(default_factory=list)
     traces: list[np.ndarray] = field(default_factory=list)
+    targets: list[np.ndarray] = field(default_factory=list)
+    commands: dict[str, int] = field(default_factory=dict)
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
         """Append what one tick began with."""
@@ -62,6 +69,7 @@ class Recording:
         self.age_ticks.append(report.age_ticks)
         self.lost.append(report.lost)
         self.reissued.append(report.reissued)
+        self.rollouts.append(len(report.costs))
         self.knots.append(report.plan.knots)
         self.costs.append(np.where(report.finite, report.costs, np.inf))
         self.terms.append(report.terms)
@@ -86,10 +94,16 @@ class Recording:
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
         arrays: dict[str, Any] = {
-            name: np.array(rows) for name, rows in vars(self).items() if name != "config"
+            name: np.array(rows)
+            for name, rows in vars(self).items()
+            if name not in ("config", "commands", "costs")
         }
+        most = max(map(len, self.costs), default=0)
+        padded = [np.pad(c, (0, most - len(c)), constant_values=np.inf) for c in self.costs]
+        arrays["costs"] = np.array(padded)
         partial = path.with_suffix(".part.npz")
-        np.savez_compressed(partial, format=FORMAT, config=json.dumps(self.config), **arrays)
+        config, commands = json.dumps(self.config), json.dumps(self.commands)
+        np.savez_compressed(partial, format=FORMAT, config=config, commands=commands, **arrays)
         partial.replace(path)
 
     @classmethod
@@ -100,10 +114,11 @@ class Recording:
                 if int(file["format"]) != FORMAT:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
                 config = json.loads(str(file["config"]))
+                commands = json.loads(str(file["commands"])) if "commands" in file else {}
                 lists = {
                     name: list(file[name])
                     for name in file.files
-                    if name not in ("format", "config")
+                    if name not in ("format", "config", "commands")
                 }
         except FileNotFoundError:
             raise UsageError(
@@ -111,4 +126,4 @@ class Recording:
             ) from None
         except (BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
-        return cls(config, **lists)
+        return cls(config, commands=commands, **lists)

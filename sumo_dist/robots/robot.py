@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.robots.safety import Safety
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Robot:
     fall_height: float  # below this base height the robot counts as fallen [m]
     policy: str  # name in policies/manifest.toml
     default_command: tuple[float, ...]  # policy command that makes it stand still
+    safety: Safety = field(default_factory=Safety)  # limits of its commands and its state
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,7 @@ class Bus:
             except WireError as error:
                 self._reject(error.reason, f"{sample.key_expr}: {error.detail}")
                 return
-            if self.run is not None and message.run != self.run:
+            if self.run is not None and message.run != self.run and not kind.any_run:
                 self._reject("run", f"{sample.key_expr}: {message.run}, this is {self.run}")
                 return
             callback(message)

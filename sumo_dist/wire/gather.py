@@ -120,6 +120,20 @@ class RemoteEvaluator:
         """Number of workers that take shards."""
         return len(self._usable())
 
+    @property
+    def pace(self) -> float:
+        """Rollouts per ms of all workers that take shards, as measured on their answers."""
+        return sum(self._usable().values())
+
+    def workers_health(self) -> dict[str, str]:
+        """One line a worker: its pace, and why it is passed over, if it is."""
+        lines = {}
+        for name, worker in list(self._workers.items()):  # another thread may be at it
+            benched = "passed over" if worker.misses >= MISSES_TO_BENCH else ""
+            trouble = worker.refusal or benched or "answers"
+            lines[f"worker {name}"] = f"{worker.speed * 1e3:.0f} rollouts/s, {trouble}"[:200]
+        return lines
+
     def reset_account(self, deadline: float | None) -> None:
         """Start the account of a new plan."""
         self.deadline, self.reissued, self.waited_s = deadline, 0, 0.0

@@ -41,6 +41,7 @@ class Message:
     addressed_by: ClassVar[str | None] = None  # field with the service that the key names, if any
     ordered_by: ClassVar[tuple[str, ...]] = ()
     background: ClassVar[bool] = False  # only watched: gives way to what the plan waits for
+    any_run: ClassVar[bool] = False  # heard in every run, whatever its id
     run: Annotated[str, Text(longest=200)]
 
     @property
@@ -313,3 +314,39 @@ class TrialReply(Message):
     number: Count
     row: Annotated[str, Text(longest=60_000)]
     refusal: str
+
+
+@dataclass(frozen=True, eq=False)
+class Order(Message):
+    """A person -> robot_interface: stop at once, or go on. Heard whatever the run.
+
+    Attributes:
+        source: who gives it.
+        action: "stop" makes the robot sit down; only "resume" makes it go on.
+        reason: for the people who ask later.
+    """
+
+    topic: ClassVar[str] = "orders"
+    any_run: ClassVar[bool] = True
+    source: Name
+    action: Literal["stop", "resume"]
+    reason: Annotated[str, Text(longest=200)]
+
+
+@dataclass(frozen=True, eq=False)
+class Health(Message):
+    """Every service -> whoever watches: how it is, a few times a second.
+
+    Attributes:
+        source: id of the service.
+        mode: one word for what it does; of the robot "running", "stopping", "stopped", "rising".
+        counters: by name: what it has done, dropped and refused so far.
+    """
+
+    topic: ClassVar[str] = "health"
+    addressed_by: ClassVar[str | None] = "source"
+    background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
+    source: Name
+    mode: Annotated[str, Text(longest=40)]
+    counters: Annotated[dict[str, int | float | str], Settings()]

@@ -7,14 +7,14 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from sumo_dist.errors import Interrupted, SumoError
+from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
-from sumo_dist.wire.messages import PlanMessage, Sensors, State, Status
+from sumo_dist.wire.messages import Order, PlanMessage, Sensors, State, Status
 
 Clock = Literal["lockstep", "realtime", "calibrate"]
 
@@ -35,15 +35,33 @@ class RobotLink:
         stop: threading.Event,
         tell: Tell,
         on_plan: Callable[[PlanReport], None],
+        refuse: Callable[[Plan], str] = lambda _plan: "",
+        state_size: int | None = None,
     ) -> None:
-        """Subscribe; a question waits at most `wait` seconds, `on_plan` sees all plans."""
-        self._on_report = on_plan
+        """Subscribe.
+
+        Args:
+            bus: the robot's.
+            run: its run.
+            wait: how long a question waits for its answer [s].
+            stop: ends the waiting.
+            tell: speaks to people.
+            on_plan: sees all plans that are taken.
+            refuse: says why a plan cannot be followed, "" if it can; such a plan is dropped.
+            state_size: nq + nv; a state of another size is dropped.
+        """
+        self._on_report, self._refuse = on_plan, refuse
+        self._state_size, self._tick = state_size, 0
+        self.refused = 0  # plans and states dropped
+        self._ordered_stop = ""
+        self._ordered_resume = False
         self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
         self._arrived = threading.Condition()
         self._state: State | None = None
         self._plans: dict[int, PlanReport] = {}
         bus.subscribe(State, self._on_state)
         bus.subscribe(PlanMessage, self._on_plan)
+        bus.subscribe(Order, self._on_order)
 
     def ask_state(self, readings: Readings) -> np.ndarray:
         """Return the estimated state (nq + nv,) of a tick (lockstep)."""
@@ -76,6 +94,7 @@ class RobotLink:
 
     def send_readings(self, readings: Readings) -> None:
         """Publish what the sensors saw."""
+        self._tick = readings.tick
         self._bus.publish(Sensors(self._run, **vars(readings)))
 
     def send_status(
@@ -110,12 +129,28 @@ class RobotLink:
             self._plans.clear()
         return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
 
+    def stop_order(self) -> str | None:
+        """Return who ordered the robot to stop and why, once for each order; None if nobody."""
+        with self._arrived:
+            order, self._ordered_stop = self._ordered_stop, ""
+            return order or None
+
+    def resume_order(self) -> bool:
+        """Whether somebody said to go on since the last stop and the last call."""
+        with self._arrived:
+            order, self._ordered_resume = self._ordered_resume, False
+            return order
+
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
         began, noticed = time.monotonic(), False
         while True:
             publish()
             with self._arrived:
-                self._arrived.wait_for(lambda: answer() is not None, RESEND_S)
+                self._arrived.wait_for(
+                    lambda: bool(self._ordered_stop) or answer() is not None, RESEND_S
+                )
+                if self._ordered_stop:
+                    raise Stopped(self._ordered_stop)
                 result = answer()
                 if result is not None:
                     self._plans.clear()
@@ -129,7 +164,17 @@ class RobotLink:
                 noticed = True
                 self._tell("warning", f"waiting for {what}")
 
+    def _refused(self, what: str) -> None:
+        self.refused += 1
+        if self.refused == 1:
+            self._tell("error", f"{what}; from now on only counted")
+
     def _on_state(self, state: State) -> None:
+        """Take a state; one from the future would stand in the way of all that follow."""
+        if state.tick > self._tick or self._state_size not in (None, len(state.state)):
+            size = len(state.state)
+            self._refused(f"a state of tick {state.tick} with {size} numbers is refused")
+            return
         with self._arrived:
             if self._state is None or state.tick >= self._state.tick:
                 self._state = state
@@ -137,7 +182,19 @@ class RobotLink:
 
     def _on_plan(self, message: PlanMessage) -> None:
         report = message.report
+        if reason := self._refuse(report.plan):
+            self._refused(f"plan {report.plan.number} is refused: {reason}")
+            return
         with self._arrived:
             self._plans[report.plan.number] = report
             self._arrived.notify_all()
         self._on_report(report)
+
+    def _on_order(self, order: Order) -> None:
+        with self._arrived:
+            if order.action == "stop":
+                by = f"{order.source}: {order.reason}" if order.reason else order.source
+                self._ordered_stop, self._ordered_resume = f"stopped by {by}", False
+            else:
+                self._ordered_resume = True
+            self._arrived.notify_all()

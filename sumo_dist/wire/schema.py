@@ -25,8 +25,8 @@ class WireError(SumoError):
     """A message that cannot be sent or must not be believed.
 
     Attributes:
-        reason: one word to count by: "size", "malformed", "version", "type", "field", "dtype",
-            "shape", "range" or "non-finite".
+        reason: one word to count by: "size", "checksum", "malformed", "version", "type", "field",
+            "dtype", "shape", "range" or "non-finite".
         detail: where and what.
     """
 

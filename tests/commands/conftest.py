@@ -1,3 +1,4 @@
+import socket
 import subprocess
 import sys
 
@@ -16,3 +17,11 @@ def lonely_worker():
     yield worker
     worker.kill()
     worker.wait()
+
+
+@pytest.fixture
+def endpoint():
+    """Name an endpoint that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

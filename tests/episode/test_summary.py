@@ -122,3 +122,16 @@ def test_a_missing_or_broken_summary_is_one_clear_error(tmp_path, content):
         (tmp_path / "summary.json").write_text(content)
     with pytest.raises(SumoError, match=r"the run left no readable .*summary\.json"):
         read_summary(tmp_path)
+
+
+def test_plans_of_different_sizes_are_kept_and_counted(recording, tmp_path):
+    knots = np.zeros((4, 9), np.float32)
+    plan = Plan(6, anchor_tick(6), knots, 1.5, "linear")
+    few = PlanReport(plan, np.zeros(5), np.ones(5, bool), np.zeros(3), 9.0, own_ms=1.0)
+    recording.add_plan(few)
+    recording.save(tmp_path / "run.npz")
+    again = Recording.load(tmp_path / "run.npz")
+    assert list(again.rollouts) == [32, 32, 32, 32, 5]
+    assert np.isfinite(again.costs[-1]).tolist() == [True] * 5 + [False] * 27
+    summary = summarise(again, Ending("timeout", wall_s=1.0))
+    assert (summary["rollouts_per_plan_p50"], summary["rollouts_per_plan_min"]) == (32.0, 5)

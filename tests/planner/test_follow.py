@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from sumo_dist.planner.follow import STAND_RAMP_S, Follower
-from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.follow import STAND_RAMP_S, Follower, misfit
+from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.robots.spot import spot_actions
 from sumo_dist.rollout.interface import TICK
 
@@ -99,3 +99,28 @@ def test_takes_up_a_plan_after_standing(follower):
     follower.offer(plan(200, 500, 0.7))
     assert follower.action(501) == pytest.approx(0.7)
     assert not follower.exhausted(501)
+
+
+def test_a_plan_that_fits_is_not_refused():
+    knots = np.zeros((4, ACTIONS.size), np.float32)
+    assert misfit(Plan(3, anchor_tick(3), knots, 1.0, "linear"), ACTIONS) == ""
+
+
+@pytest.mark.parametrize(
+    ("knots", "tick", "reason"),
+    [
+        (lambda n: np.zeros((4, n + 1)), 7, "its knots have 10 numbers, this robot's actions 9"),
+        (np.zeros, 7, "its knots have 0 numbers, this robot's actions 9"),
+        (lambda n: np.full((4, n), 1.5), 7, "an action of 1.5, they lie in [-1, 1]"),
+        (lambda n: np.zeros((4, n)), 8, "it is anchored on tick 8 instead of 7"),
+    ],
+)
+def test_a_plan_that_does_not_fit_the_robot_is_refused(knots, tick, reason):
+    assert misfit(Plan(3, tick, knots(ACTIONS.size), 1.0, "linear"), ACTIONS) == reason
+
+
+def test_a_plan_from_far_ahead_would_keep_out_all_others():
+    knots = np.zeros((4, ACTIONS.size), np.float32)
+    far = Plan(1000, anchor_tick(1000), knots, 1.0, "linear")
+    assert misfit(far, ACTIONS, now=0) == "it begins 50 s from now, at most 2"
+    assert misfit(far, ACTIONS, now=2450) == ""

@@ -188,3 +188,11 @@ def test_the_base_is_searched_with_a_noise_of_its_own():
         spreads[ratio] = (cost.asked[0] - cost.asked[0][0]).std(axis=(0, 1))
     assert spreads[3.0][:3] == pytest.approx(3 * spreads[1.0][:3], rel=1e-3)
     assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])
+
+
+@pytest.mark.parametrize("iterations", [1, 2])
+def test_a_plan_of_fewer_rollouts_has_as_many_candidates(iterations):
+    bowl = Bowl()
+    planner = Planner(PlannerConfig(iterations=iterations), ACTIONS, seed=0)
+    planner.plan(request(), bowl, rollouts=9)
+    assert sum(map(len, bowl.asked)) == 9

@@ -1,4 +1,6 @@
 import socket
+import subprocess
+import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,7 +17,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import anchor_tick
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
-from sumo_dist.services.launcher import Launcher, Service
+from sumo_dist.services.launcher import Launcher, Service, flags
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import PlanMessage
@@ -76,7 +78,7 @@ class System:
 
     def __init__(self, launcher, bus, out):
         self._launcher, self._out = launcher, out
-        self._newest_plan = -1
+        self.newest_plan = -1
         bus.subscribe(PlanMessage, self._on_plan)
         self._services = {}
         self.processes = {}
@@ -88,7 +90,21 @@ class System:
     def restart(self, name, pause=0.0):
         self.kill(name)
         time.sleep(pause)
+        self.start_again(name)
+
+    def start_again(self, name):
         self.start(self._services[name])
+
+    def replace_robot(self, preexec_fn):
+        """Start the robot again, under conditions of its own."""
+        self.kill("robot-interface")
+        service = self._services["robot-interface"]
+        command = [sys.executable, "-m", "sumo_dist", service.command, *flags(service.options)]
+        self.processes["robot-interface"] = subprocess.Popen(command, preexec_fn=preexec_fn)  # noqa: PLW1509
+
+    @property
+    def run_id(self):
+        return self._services["robot-interface"].options.run
 
     def kill(self, name):
         self.processes[name].kill()
@@ -100,12 +116,12 @@ class System:
     def _on_plan(self, message):
         plan = message.plan
         if plan.tick == anchor_tick(plan.number):  # not one of the calibration
-            self._newest_plan = max(self._newest_plan, plan.number)
+            self.newest_plan = max(self.newest_plan, plan.number)
 
     def after_plan(self, number, timeout=30.0):
         """Wait until a plan of the run, or a later one, was published."""
         deadline = time.monotonic() + timeout
-        while self._newest_plan < number:
+        while self.newest_plan < number:
             assert time.monotonic() < deadline, f"plan {number} did not come"
             assert self.processes["robot-interface"].poll() is None, "the robot has ended"
             time.sleep(0.002)
@@ -131,10 +147,11 @@ def run_system(endpoint, tmp_path):
             wait=20.0,
             worker_engine="auto",
             task="spot/move_box",
+            resume_wait=0.0,
             **changes,
         ):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
-            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait)
+            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait, resume_wait)
             launcher = stack.enter_context(Launcher())
             launcher.start(Service("router", "router", Router(endpoint)))
             bus = stack.enter_context(Bus.dial(endpoint, task.partition("/")[0]))

@@ -63,14 +63,14 @@ def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
 
 
 def test_without_workers_the_plan_goes_on_until_one_is_back(start):
-    system = start(workers=1)
+    system = start(workers=1, time_limit=2.0)
     system.after_plan(8)
     system.restart("local-0", pause=0.5)  # a quick one would still answer before the deadline
     code, summary = system.finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     recording = system.recording()
     assert not np.isfinite(recording.costs[9:]).all()  # some plans had no rollouts
-    assert np.isfinite(recording.costs[-1]).all()
+    assert np.isfinite(recording.costs[-1][: recording.rollouts[-1]]).all()
     assert robot_stood(system)
 
 
@@ -88,7 +88,7 @@ def test_without_an_optimizer_the_robot_follows_its_plan_and_then_stands(start):
 
 
 def test_a_restarted_optimizer_goes_on(start):
-    system = start(time_limit=1.3)
+    system = start(time_limit=2.0)
     system.after_plan(5)
     system.restart("optimizer")
     code, summary = system.finish()

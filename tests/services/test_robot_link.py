@@ -124,6 +124,7 @@ def test_the_newest_state_is_waited_for_no_longer_than_told(ends, eventually):
     began = time.monotonic()
     assert ends.link.newest_state(0, patience=0.1) is None
     assert 0.09 < time.monotonic() - began < 0.5
+    ends.link.send_readings(readings(9))
     ends.other.publish(State("run", 3, np.full(64, 3.0)))
     assert eventually(lambda: ends.link.newest_state(3, patience=0.0) is not None)
     tick, state = ends.link.newest_state(9, patience=0.05)  # not there yet: the last one
@@ -131,11 +132,21 @@ def test_the_newest_state_is_waited_for_no_longer_than_told(ends, eventually):
 
 
 def test_an_older_state_does_not_replace_a_newer_one(ends, eventually):
+    ends.link.send_readings(readings(5))
     ends.other.publish(State("run", 5, np.full(64, 5.0)))
     ends.other.publish(State("run", 4, np.full(64, 4.0)))
     assert eventually(lambda: ends.link.newest_state(5, patience=0.0) is not None)
     time.sleep(0.05)
     assert ends.link.newest_state(0, patience=0.0)[0] == 5
+
+
+def test_a_state_from_the_future_does_not_hide_those_that_follow(ends, eventually):
+    ends.link.send_readings(readings(5))
+    ends.other.publish(State("run", 2**40, np.full(64, 1.0)))
+    ends.other.publish(State("run", 5, np.full(64, 5.0)))
+    assert eventually(lambda: ends.link.newest_state(5, patience=0.0) is not None)
+    assert ends.link.newest_state(5, patience=0.0)[0] == 5
+    assert ends.link.refused == 1
 
 
 def test_gives_up_with_a_reason_when_nobody_answers(shared_router, robot, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus, Newest
-from sumo_dist.wire.codec import encode
+from sumo_dist.wire.codec import encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA, Member, alive_key, topic_key
 from sumo_dist.wire.messages import RolloutReply, State
 from sumo_dist.wire.session import open_client, open_router
@@ -127,14 +127,14 @@ def test_malformed_messages_are_counted_by_reason(pair, raw, caplog):
     inbox = receiver.inbox(State)
     key = topic_key("test-malformed-messages-are-counted-by-reason", "state")
     payload = encode(state(1))
-    wrong = payload.replace(b"\xa1v" + bytes([SCHEMA]), b"\xa1v\x63")
+    wrong = seal(unseal(payload).replace(b"\xa1v" + bytes([SCHEMA]), b"\xa1v\x63"))
     listening(receiver, sender)
     for junk in (b"", b"junk", payload[:-1], payload[:-1], wrong, encode(reply("w", 1))):
         raw.put(key, junk)
     raw.put(key, payload)
     assert inbox.get(timeout=2.0).tick == 1
-    assert receiver.rejected == {"malformed": 4, "version": 1, "type": 1}
-    assert len([r for r in caplog.records if "(malformed;" in r.message]) == 1
+    assert receiver.rejected == {"checksum": 4, "version": 1, "type": 1}
+    assert len([r for r in caplog.records if "(checksum;" in r.message]) == 1
 
 
 def test_a_full_inbox_drops_and_counts(pair, monkeypatch):

@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
-from sumo_dist.wire.codec import decode, encode
+from sumo_dist.wire.codec import decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.messages import (
     Event,
+    Health,
     Message,
+    Order,
     PlanMessage,
     RolloutReply,
     RolloutRequest,
@@ -58,6 +60,8 @@ MESSAGES = [
     RunEnd(RUN, 700, "success", True),
     TrialRequest(RUN, "w-1.0", 4, "planned", {"task": "spot/move_box", "seed": 3}, {"nodes": 4}),
     TrialReply(RUN, "w-1.0", 4, '{"task": "spot/move_box"}', ""),
+    Order(RUN, "somebody", "stop", "smoke"),
+    Health(RUN, "robot", "running", {"tick": 7, "load": 0.5, "build": "x"}),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))
@@ -80,7 +84,7 @@ def assert_equal(sent, received):
 
 def tampered(message: Message, **changes) -> bytes:
     """Encode a message and change some of its raw fields."""
-    return msgpack.packb({**msgpack.unpackb(encode(message)), **changes})
+    return seal(msgpack.packb({**msgpack.unpackb(unseal(encode(message))), **changes}))
 
 
 def reason_of(kind: type[Message], payload: bytes) -> str:
@@ -163,7 +167,9 @@ def test_bad_fields_have_named_reasons(changes, reason):
         (MESSAGES[0], {"mocap": ["f8", [0, 2**62, 7], b""]}, "shape"),
         (MESSAGES[3], {"clock": "sundial"}, "range"),
         (MESSAGES[3], {"followed": {"number": 1}}, "field"),
-        (MESSAGES[-1], {"success": 1}, "field"),
+        (MESSAGES[11], {"success": 1}, "field"),
+        (MESSAGES[12], {"action": "dance"}, "range"),
+        (MESSAGES[13], {"counters": {"tick": None}}, "field"),
     ],
 )
 def test_rules_of_other_messages(message, changes, reason):
@@ -171,28 +177,29 @@ def test_rules_of_other_messages(message, changes, reason):
 
 
 def test_missing_field_and_nested_field_are_named():
-    body = msgpack.unpackb(encode(STATE))
+    body = msgpack.unpackb(unseal(encode(STATE)))
     del body["tick"]
     with pytest.raises(WireError, match="field: needs run, tick, state"):
-        decode(State, msgpack.packb(body))
-    nested = msgpack.unpackb(encode(MESSAGES[4]))
+        decode(State, seal(msgpack.packb(body)))
+    nested = msgpack.unpackb(unseal(encode(MESSAGES[4])))
     nested["followed"]["knots"][2] = b"\xff" * (4 * 36)
     with pytest.raises(WireError, match="non-finite: followed: knots"):
-        decode(Status, msgpack.packb(nested))
+        decode(Status, seal(msgpack.packb(nested)))
 
 
 @pytest.mark.parametrize(
     "payload", [b"", b"\x80", b"\xc1", b"\xa3abc", b"\x00\x00", b"\xd6\xff\0\0\0\0"]
 )
 def test_what_is_no_message_is_rejected(payload):
-    assert reason_of(State, payload) in ("malformed", "version")
+    assert reason_of(State, seal(payload)) in ("malformed", "version", "checksum")
+    assert reason_of(State, payload) == "checksum"
 
 
 def test_sizes_are_bounded_before_memory_is_spent():
-    assert reason_of(State, bytes(MAX_BYTES + 1)) == "size"
+    assert reason_of(State, bytes(MAX_BYTES + 5)) == "size"
     nested = b"\xdd\x00\x10\x00\x00" * 500 + bytes(1 << 20)  # lists of a million, 500 deep
     tracemalloc.start()
-    assert reason_of(State, nested) == "malformed"
+    assert reason_of(State, seal(nested)) == "malformed"
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < MAX_BYTES
@@ -220,7 +227,7 @@ def test_nothing_is_sent_that_would_be_rejected(message, match):
 def accepted_means_valid(kind: type[Message], payload: bytes) -> None:
     """Decoding raises WireError or yields a message that can be sent again."""
     try:
-        message = decode(kind, payload)
+        message = decode(kind, seal(payload))
     except WireError as error:
         assert error.reason and error.detail
     else:
@@ -239,7 +246,7 @@ def test_arbitrary_bytes_never_crash(kind, payload):
 @FUZZ
 @given(message=st.sampled_from(MESSAGES), data=st.data())
 def test_mutated_messages_never_crash(message, data):
-    payload = bytearray(encode(message))
+    payload = bytearray(unseal(encode(message)))
     for _ in range(data.draw(st.integers(1, 4))):
         start = data.draw(st.integers(0, len(payload)))
         end = min(len(payload), start + data.draw(st.integers(0, 8)))
@@ -252,7 +259,17 @@ def test_mutated_messages_never_crash(message, data):
 def test_truncated_messages_are_malformed(message, data):
     payload = encode(message)
     end = data.draw(st.integers(0, len(payload) - 1))
-    assert reason_of(type(message), payload[:end]) == "malformed"
+    assert reason_of(type(message), payload[:end]) == "checksum"
+    packed = unseal(payload)[: max(1, end - 4)]
+    assert reason_of(type(message), seal(packed)) == "malformed"
+
+
+@FUZZ
+@given(message=st.sampled_from(MESSAGES), data=st.data())
+def test_a_flipped_bit_anywhere_is_noticed(message, data):
+    payload = bytearray(encode(message))
+    payload[data.draw(st.integers(0, len(payload) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    assert reason_of(type(message), bytes(payload)) == "checksum"
 
 
 RAW = st.recursive(
@@ -273,7 +290,7 @@ RAW = st.recursive(
 @given(message=st.sampled_from(MESSAGES), raw=RAW, data=st.data())
 def test_any_value_in_any_field_never_crashes(message, raw, data):
     field = data.draw(st.sampled_from([f.name for f in fields(message)]))
-    accepted_means_valid(type(message), tampered(message, **{field: raw}))
+    accepted_means_valid(type(message), unseal(tampered(message, **{field: raw})))
 
 
 def test_a_request_costs_microseconds():

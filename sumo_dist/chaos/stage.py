@@ -1,0 +1,265 @@
+"""Runs a fault script on real processes and judges what it did to the run."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sumo_dist.chaos.script import Fault, Script
+from sumo_dist.chaos.verdict import Outcome, judge
+from sumo_dist.commands import serve
+from sumo_dist.commands.distributed import Crew, services
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.errors import UsageError
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import anchor_tick
+from sumo_dist.services.launcher import Launcher, Service
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import Member
+from sumo_dist.wire.mangle import Mangler
+from sumo_dist.wire.messages import PlanMessage
+
+PATIENCE_S = 180.0  # for a whole run
+LOOK_S = 0.25  # between two looks at the processes' memory
+GROWN_UP_S = 6.0  # younger processes still load what they need
+START_S = 30.0  # a router is up by then, on a busy machine as well
+ROUTERS = ("router", "far-router")
+
+
+@dataclass
+class Blow:
+    """One fault as it happened.
+
+    Attributes:
+        fault: which.
+        began, ended: wall time [s] of time.monotonic(); a killed service's fault ends when it is
+            seen alive again.
+        resumed: wall time at which the next good plan came; None if none did.
+    """
+
+    fault: Fault
+    began: float
+    ended: float | None = None
+    resumed: float | None = None
+
+
+def episode_of(script: Script) -> EpisodeConfig:
+    """Return the run of a script."""
+    return EpisodeConfig(
+        script.task,
+        script.seed,
+        PlannerConfig().with_settings(script.settings),
+        script.clock,
+        script.estimator,
+        script.time_limit,
+    )
+
+
+def play(script: Script, keep: Path | None = None) -> Outcome:
+    """Run a script once.
+
+    Args:
+        script: what to run.
+        keep: folder for the run's files and the services' messages; thrown away by default.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        with _stderr_to(out / "messages.txt"), Stage(script, out) as stage:
+            code = stage.run()
+        outcome = judge(script, stage.blows, code, out, stage.growth_mb, dict(stage.mangled))
+        if keep is not None:
+            shutil.copytree(out, keep, dirs_exist_ok=True)
+        return outcome
+
+
+class Stage:
+    """The processes of one run, and what is done to them."""
+
+    def __init__(self, script: Script, out: Path) -> None:
+        """Prepare; entering starts everything."""
+        self._script, self._out, self._stack = script, out, ExitStack()
+        self._services: dict[str, Service] = {}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._newest, self._good = -1, 0.0  # number and arrival of plans
+        self.blows: list[Blow] = []
+        self._sizes: dict[int, list[float]] = {}  # of each process in turn [MB]
+        self._looked = 0.0
+        self.mangled: Counter[str] = Counter()
+
+    def __enter__(self) -> "Stage":
+        try:
+            return self._entered()
+        except BaseException:
+            self._stack.close()  # what was started by then
+            raise
+
+    def _entered(self) -> "Stage":
+        near, far = _free_endpoint(), _free_endpoint()
+        planned = self._planned(near)
+        self._launcher = self._stack.enter_context(Launcher())
+        self._start(Service("router", "router", serve.Router(near)))
+        if self._script.behind:
+            self._start(Service("far-router", "router", serve.Router(far)))
+            self._mangler = self._stack.enter_context(Mangler(near, far, self._script.seed))
+            self.mangled = self._mangler.done
+        self._bus = self._stack.enter_context(Bus.dial(near, "spot", timeout=START_S))
+        self._alive = self._bus.watch()
+        self._bus.subscribe(PlanMessage, self._on_plan)
+        for service in planned:
+            behind = service.name in self._script.behind
+            options = replace(service.options, connect=far) if behind else service.options
+            self._start(replace(service, options=options))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def _planned(self, endpoint: str) -> list[Service]:
+        """Services of the run; raises, before any is started, if the script names another."""
+        script = self._script
+        speed = script.speed if script.clock == "realtime" else None
+        crew = Crew(episode_of(script), script.workers, 1, self._out, None, speed, script.wait)
+        planned = list(services(crew, endpoint))
+        valid = [*(service.name for service in planned), "router"]
+        for name in (*script.behind, *(f.target for f in script.faults if f.is_process)):
+            if name not in valid:
+                raise UsageError(f"{script.name}: no service {name!r}; valid: {', '.join(valid)}")
+        return planned
+
+    def run(self) -> int | None:
+        """Let everything happen; return the robot's exit code, None if it hangs."""
+        todo = sorted(
+            ((plan, f) for f in self._script.faults for plan in f.plans), key=lambda each: each[0]
+        )
+        robot, deadline = self._running["robot-interface"], time.monotonic() + PATIENCE_S
+        over: list[tuple[float, Blow]] = []  # when to end what has begun
+        while robot.poll() is None:
+            if time.monotonic() > deadline:
+                return None
+            now = time.monotonic()
+            while todo and self._newest >= todo[0][0]:
+                blow = Blow(todo.pop(0)[1], now)
+                self._begin(blow)
+                over.append((now + blow.fault.lasts, blow))
+                self.blows.append(blow)
+            for due, blow in [each for each in over if each[0] <= now]:
+                over.remove((due, blow))
+                self._end(blow)
+            self._follow()
+            time.sleep(0.005)
+        return robot.returncode
+
+    def _start(self, service: Service) -> None:
+        self._services[service.name] = service
+        self._running[service.name] = self._launcher.start(service)
+
+    def _begin(self, blow: Blow) -> None:
+        fault = blow.fault
+        if fault.kind == "kill":
+            self._running[fault.target].kill()
+            self._running[fault.target].wait()
+        elif fault.kind == "freeze":
+            self._running[fault.target].send_signal(signal.SIGSTOP)
+        else:
+            self._set_rules(adding=blow)
+
+    def _end(self, blow: Blow) -> None:
+        fault = blow.fault
+        if fault.kind == "kill":
+            self._start(self._services[fault.target])
+            return  # it is over once the service is there again: see _follow
+        if fault.kind == "freeze":
+            self._running[fault.target].send_signal(signal.SIGCONT)
+        blow.ended = time.monotonic()
+        if not fault.is_process:
+            self._set_rules()
+
+    def _set_rules(self, adding: Blow | None = None) -> None:
+        blows = [*self.blows, *([adding] if adding else [])]
+        rules = [b.fault.rule for b in blows if not b.fault.is_process and b.ended is None]
+        self._mangler.set(tuple(rules))
+
+    def _follow(self) -> None:
+        """Note what has come back, and how large the processes are."""
+        for blow in self.blows:
+            restarted = time.monotonic() > blow.began + blow.fault.lasts
+            if blow.ended is None and blow.fault.kind == "kill" and restarted:
+                blow.ended = time.monotonic() if self._is_back(blow.fault.target) else None
+            if blow.ended is not None and blow.resumed is None and self._good >= blow.ended:
+                blow.resumed = self._good
+        if time.monotonic() - self._looked > LOOK_S:
+            self._looked = time.monotonic()
+            for process in self._running.values():
+                if (size := _rss_mb(process.pid)) > 0:
+                    self._sizes.setdefault(process.pid, []).append(size)
+
+    @property
+    def growth_mb(self) -> float:
+        """Most that a process grew in the second half of its life [MB]."""
+        lives = (sizes for sizes in self._sizes.values() if len(sizes) * LOOK_S > GROWN_UP_S)
+        return max((sizes[-1] - sizes[len(sizes) // 2] for sizes in lives), default=0.0)
+
+    def _is_back(self, name: str) -> bool:
+        if name in ROUTERS:
+            return _answers(self._services[name].options.listen)
+        return any(_names(member, name) for member in self._alive.now)
+
+    def _on_plan(self, message: PlanMessage) -> None:
+        plan = message.plan
+        if plan.tick == anchor_tick(plan.number) or self._script.clock == "lockstep":
+            self._newest = max(self._newest, plan.number)
+            if not message.failed:
+                self._good = time.monotonic()
+
+
+def _free_endpoint() -> str:
+    """An endpoint below the ports that systems hand out to others between now and its use."""
+    while True:
+        port = int(np.random.default_rng().integers(15_000, 32_000))
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) != 0:
+                return f"tcp/127.0.0.1:{port}"
+
+
+def _names(member: Member, service: str) -> bool:
+    roles = {"optimizer": "optimizer", "state-estimator": "estimator", "robot-interface": "robot"}
+    return member.role == roles.get(service) or member.id == service
+
+
+def _answers(endpoint: str) -> bool:
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    with socket.socket() as probe:
+        probe.settimeout(0.1)
+        return probe.connect_ex((host, int(port))) == 0
+
+
+def _rss_mb(pid: int) -> float:
+    """Resident memory of a process [MB], 0 if it is gone."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@contextmanager
+def _stderr_to(path: Path) -> Iterator[None]:
+    """Send what this process and its children say to a file."""
+    saved = os.dup(2)
+    try:
+        with path.open("wb") as file:
+            os.dup2(file.fileno(), 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)

@@ -1,0 +1,121 @@
+"""`sumo-dist top`: who is alive on a robot's bus, what they do, and what they have lost."""
+
+import json
+import sys
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from sumo_dist.errors import UsageError
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import Member
+from sumo_dist.wire.messages import Health
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+STALE_S = 2.0  # a service that said nothing for this long is shown as silent
+_CLEAR = "\x1b[H\x1b[J"  # to the top left, and all below is gone
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `top`.
+
+    Attributes:
+        connect: the router's endpoint.
+        robot: its name on the bus.
+        every: between two looks [s].
+        times: how many looks; until Ctrl-C by default.
+        json: one JSON object a look, for logs, instead of a screen.
+    """
+
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    every: float = 1.0
+    times: int | None = None
+    json: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.every <= 3600:
+            raise UsageError(f"every must be from 0.1 to 3600 s, got {self.every}")
+        if self.times is not None and self.times < 1:
+            raise UsageError(f"times must be at least 1, got {self.times}")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One service.
+
+    Attributes:
+        name: its source name on the bus.
+        mode: one word for what it does; "silent" if it has not spoken lately.
+        age: since it last spoke [s].
+        counters: what it says of itself.
+    """
+
+    name: str
+    mode: str
+    age: float
+    counters: dict[str, Any]
+
+
+class Board:
+    """What all services said last."""
+
+    def __init__(self) -> None:
+        """Start with nobody."""
+        self._said: dict[str, tuple[float, Health]] = {}
+
+    def take(self, health: Health) -> None:
+        """Take note of a service."""
+        self._said[health.source] = time.monotonic(), health
+
+    def rows(self) -> list[Row]:
+        """One row a service, by name."""
+        now = time.monotonic()
+        return [
+            Row(
+                name,
+                health.mode if now - at < STALE_S else "silent",
+                round(now - at, 1),
+                dict(health.counters),
+            )
+            for name, (at, health) in sorted(dict(self._said).items())
+        ]
+
+
+def main(options: Options) -> int:
+    """Show the services until told to stop."""
+    with Bus.dial(options.connect, options.robot) as bus:
+        board, members = Board(), bus.watch()
+        bus.subscribe(Health, board.take)
+        looks = 0
+        while options.times is None or looks < options.times:
+            time.sleep(options.every)
+            looks += 1
+            rows, alive = board.rows(), members.now
+            if options.json:
+                print(json.dumps(look(rows, alive)), flush=True)
+            else:
+                clear = _CLEAR if sys.stdout.isatty() else ""
+                print(clear + screen(options.robot, rows, alive), flush=True)
+    return 0
+
+
+def look(rows: Iterable[Row], alive: Iterable[Member]) -> dict[str, Any]:
+    """Return one look as data."""
+    return {
+        "alive": sorted(f"{member.role} {member.id}" for member in alive),
+        "services": {row.name: {"mode": row.mode, "age": row.age, **row.counters} for row in rows},
+    }
+
+
+def screen(robot: str, rows: list[Row], alive: Iterable[Member]) -> str:
+    """Lay one look out: a line a service, then its counters that are not zero."""
+    there = ", ".join(sorted(f"{member.role} {member.id}" for member in alive)) or "nobody"
+    lines = [f"{robot}: {there}", ""]
+    width = max((len(row.name) for row in rows), default=0)
+    for row in rows:
+        told = ", ".join(f"{name} {value}" for name, value in row.counters.items() if value != 0)
+        lines.append(f"{row.name:<{width}}  {row.mode:<10}  {row.age:4.1f} s ago  {told}")
+    return "\n".join(lines)

@@ -1,0 +1,45 @@
+"""A service's pulse: a few times a second it says how it is, to whoever watches."""
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Self
+
+from sumo_dist.errors import SumoError
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import Health
+
+PERIOD_S = 0.5
+
+Counters = Mapping[str, int | float | str]
+Probe = Callable[[], tuple[str, Counters]]
+"""-> one word for what the service does, and its counters by name"""
+
+
+class Pulse:
+    """Publishes a service's health until it is left. The messages it dropped are counted along."""
+
+    def __init__(self, bus: Bus, run: str, source: str, probe: Probe) -> None:
+        """Speak for a service; the probe is called on a thread of its own."""
+        self._bus, self._run, self._source, self._probe = bus, run, source, probe
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._beat, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Speak once more and stop."""
+        self._over.set()
+        self._thread.join()
+
+    def _beat(self) -> None:
+        over = False
+        while not over:
+            over = self._over.wait(PERIOD_S)
+            mode, counters = self._probe()
+            dropped = {f"dropped {reason}": n for reason, n in dict(self._bus.rejected).items()}
+            try:
+                self._bus.publish(Health(self._run, self._source, mode, {**counters, **dropped}))
+            except SumoError:  # the bus is being closed
+                return

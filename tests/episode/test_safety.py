@@ -1,0 +1,99 @@
+"""When a robot must stop, and how it sits down and gets up again."""
+
+import numpy as np
+import pytest
+
+from sumo_dist.episode.plant import Plant
+from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
+from sumo_dist.episode.start import make_guard
+from sumo_dist.math.rotations import from_rotation_vector
+from sumo_dist.model.index import StateIndex
+from sumo_dist.policies import load_policy
+from sumo_dist.robots.safety import tilt
+from sumo_dist.robots.spot import SPOT
+from sumo_dist.rollout.interface import TICK
+
+
+@pytest.fixture
+def watch(plant):
+    return StateWatch(SPOT, plant.model.nq)
+
+
+def leaning(state, angle):
+    state = state.copy()
+    state[3:7] = from_rotation_vector(np.array([angle, 0.0, 0.0]))
+    return state
+
+
+def test_a_fresh_level_state_is_fine(watch, first_state):
+    assert watch.trip(7, (7, first_state)) is None
+    assert watch.trip(12, (7, first_state)) is None
+
+
+def test_without_a_fresh_state_it_stops(watch, first_state):
+    assert watch.trip(0, None) == "fault: no state for 0.1 s"
+    assert watch.trip(13, (7, first_state)) == "fault: no state for 0.1 s"
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_state_that_is_not_finite_stops_it(watch, first_state, value):
+    first_state = first_state.copy()
+    first_state[-1] = value
+    assert watch.trip(0, (0, first_state)) == "fault: the state is not finite"
+
+
+def test_a_racing_joint_stops_it(watch, first_state, plant):
+    _, velocities = StateIndex(plant.model).joints(SPOT.joints)
+    state = first_state.copy()
+    state[velocities[4]] = -31.0
+    assert watch.trip(0, (0, state)) == "fault: a joint at 31 rad/s, at most 30"
+    state[velocities[4]] = -29.0
+    assert watch.trip(0, (0, state)) is None
+
+
+def test_a_fall_is_a_lean_that_lasts(watch, first_state):
+    fallen = leaning(first_state, 1.2)
+    lasting = round(SPOT.safety.fall_s / TICK)
+    assert [watch.trip(t, (t, fallen)) for t in range(lasting)] == [None] * lasting
+    assert watch.trip(lasting, (lasting, fallen)) == "fell"
+    assert watch.trip(lasting + 1, (lasting + 1, first_state)) is None  # it has come up
+    assert watch.trip(lasting + 2, (lasting + 2, fallen)) is None  # and the time starts anew
+
+
+def test_it_gets_up_only_from_a_level_and_known_state(watch, first_state):
+    assert watch.may_rise(3, (3, first_state)) == ""
+    assert watch.may_rise(90, (3, first_state)) == "no state for 0.1 s"
+    assert watch.may_rise(3, (3, leaning(first_state, 0.5))) == (
+        "it lies 29 deg from level, at most 20"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.6, 0.0, 0.0), (0.3, 0.3, 0.6)])
+def test_it_sits_down_from_any_walk_and_gets_up_again(move_box, first_state, velocity):
+    """Without the policy, which needs a state; no fall, level at the end, and it walks again."""
+    index = StateIndex(Plant(move_box.scene, first_state).model)
+    state = first_state.copy()
+    state[index.pose("box")][:2] = 9.0
+    plant = Plant(move_box.scene, state)
+    guard, policy, nq = make_guard(move_box, plant), load_policy("spot"), plant.model.nq
+    command = np.array(SPOT.default_command)
+
+    def walk(ticks, velocity):
+        command[:3], memory = velocity, policy.initial_memory()
+        for _ in range(ticks):
+            now = plant.state
+            targets, memory = policy.step(now[:nq], now[nq:], command, memory)
+            guard.send(targets)
+            yield tilt(plant.state)
+
+    list(walk(100, velocity))
+    tilts = [(guard.send(t), tilt(plant.state))[1] for t in sitting_down(SPOT, guard.last)]
+    assert max(tilts) < np.radians(50)
+    assert tilts[-1] < np.radians(5)
+    assert plant.state[2] < 0.3
+    for targets in getting_up(SPOT, guard.last):
+        guard.send(targets)
+    assert plant.state[2] > 0.25  # the servos alone do not carry it higher
+    assert max(walk(150, velocity)) < np.radians(25)  # the policy takes over
+    assert plant.state[2] > 0.45
