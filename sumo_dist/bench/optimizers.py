@@ -1,7 +1,7 @@
 """`sumo-dist bench optimizers`: every optimizer at every budget, on the same tasks and seeds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -66,17 +66,9 @@ class Options(Settings):
 
     def of(self, cell: Cell) -> Settings:
         """Return the settings of a cell's trials."""
-        return Settings(
-            trials=self.trials,
-            seed0=self.seed0,
-            preset=self.preset,
-            optimizer=cell.optimizer,
-            set=(*self.set, f"rollouts={cell.budget}"),
-            engine=self.engine,
-            time_limit=self.time_limit,
-            jobs=self.jobs,
-            listen=self.listen,
-        )
+        shared = {field.name: getattr(self, field.name) for field in fields(Settings)}
+        own = {"optimizer": cell.optimizer, "set": (*self.set, f"rollouts={cell.budget}")}
+        return Settings(**{**shared, **own})
 
 
 def main(options: Options) -> int:
