@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import arrays
 from sumo_dist.math.rotations import (
     conjugate,
     from_rotation_vector,
+    matrix,
     multiply,
     rotate,
     rotate_inverse,
@@ -89,3 +90,12 @@ def test_a_batch_gives_the_bits_of_its_rows():
     for i in np.ndindex(3, 5):
         np.testing.assert_array_equal(turned[i], rotate(start[i], vector[i]))
         np.testing.assert_array_equal(between[i], slerp(start[i], end[i], fraction[i]))
+
+
+def test_matrices_are_mujocos():
+    quats = np.random.default_rng(0).normal(size=(20, 4))
+    quats /= np.linalg.norm(quats, axis=1, keepdims=True)
+    expected = np.empty((20, 9))
+    for quat, flat in zip(quats, expected, strict=True):
+        mujoco.mju_quat2Mat(flat, quat)
+    np.testing.assert_allclose(matrix(quats).reshape(20, 9), expected, atol=1e-14)
