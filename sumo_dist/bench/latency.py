@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.processes import run_each
+from sumo_dist.bench.processes import Processes, run_each
 from sumo_dist.bench.report import (
     checked_engine,
     cores,
@@ -99,13 +99,14 @@ def main(options: Options) -> int:
         for compensate in ((False, True) if periods else (False,))
     ]
     found = []
-    for number, (trial, end) in enumerate(run_each(run, trials, options.jobs or cores()), 1):
-        if end is None:
-            raise SumoError("the process of a trial died (out of memory?)")
-        found.append((trial, *end))
-        told = f"[{number}/{len(trials)}] {trial.periods * PERIOD_MS} ms, "
-        told += f"{'with' if trial.compensate else 'without'} compensation: {end[0]}"
-        print(told, file=sys.stderr, flush=True)
+    with Processes(run, options.jobs or cores()) as pool:
+        for number, (trial, end) in enumerate(run_each(trials, [pool]), 1):
+            if end is None:
+                raise SumoError("the process of a trial died (out of memory?)")
+            found.append((trial, *end))
+            told = f"[{number}/{len(trials)}] {trial.periods * PERIOD_MS} ms, "
+            told += f"{'with' if trial.compensate else 'without'} compensation: {end[0]}"
+            print(told, file=sys.stderr, flush=True)
     result = {
         **about,
         "engine": engine,
