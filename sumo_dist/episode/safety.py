@@ -41,6 +41,8 @@ class StateWatch:
     def may_rise(self, tick: int, newest: tuple[int, np.ndarray] | None) -> str:
         """Return why a robot that sits must not get up, "" if it may."""
         self._leaning = 0
+        if self._safety.rise_tilt == 0:
+            return "it cannot get up by itself"
         if (reason := self.trip(tick, newest)) is not None:
             return reason.removeprefix("fault: ")
         assert newest is not None, "else it would have tripped"
@@ -51,8 +53,9 @@ class StateWatch:
 
 
 def sitting_down(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
-    """Joint targets (nu,) [rad], one a tick: a ramp to the sitting pose, held as long again."""
-    yield from _ramp(start, np.array(robot.sit), robot.safety.stop_s, 2 * robot.safety.stop_s)
+    """Joint targets (nu,) [rad], one a tick: a ramp to the sitting pose, held until it rests."""
+    safety = robot.safety
+    yield from _ramp(start, np.array(robot.sit), safety.stop_s, safety.stop_s + safety.rest_s)
 
 
 def getting_up(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
