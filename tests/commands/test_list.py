@@ -22,7 +22,7 @@ def test_lists_them_as_json(capsys):
     box = listing["tasks"]["spot/move_box"]
     assert box["robot"] == "spot"
     assert box["time_limit_s"] == 30.0
-    assert box["cost"] == {"goal": 60.0, "gripper": 4.0, "velocity": 20.0}
+    assert box["cost"] == {"goal": 60.0, "gripper": 4.0, "velocity": 20.0, "fall": 2500.0}
     assert tuple(listing["optimizers"]) == OPTIMIZERS
     assert tuple(listing["engines"]) == ENGINES
     assert listing["settings"]["rollouts"] == PlannerConfig().rollouts

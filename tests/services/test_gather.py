@@ -10,12 +10,14 @@ import pytest
 
 from sumo_dist.errors import Interrupted
 from sumo_dist.planner.planner import PlanRequest
+from sumo_dist.tasks import load_task
 from sumo_dist.wire import gather
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import RemoteEvaluator
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
 
 BUILD = "build-1"
+TERMS = len(load_task("spot/move_box").cost)
 KNOTS = np.arange(10 * 4 * 9, dtype=np.float32).reshape(10, 4, 9)
 EXPECTED = KNOTS[:, 0, 0].astype(float)  # a row's cost, as the scripted workers compute it
 
@@ -25,8 +27,8 @@ def request(number=0):
 
 
 def answer(asked, **changes):
-    """Answer a request: three terms a row, the first is the cost."""
-    terms = np.zeros((len(asked.knots), 3))
+    """Answer a request: the first term of a row is its cost."""
+    terms = np.zeros((len(asked.knots), TERMS))
     terms[:, 0] = asked.knots[:, 0, 0]
     reply = RolloutReply(
         run=asked.run,
@@ -212,7 +214,7 @@ def test_rows_that_diverged_are_answered_and_worst(party):
     "lie",
     [
         {"terms": np.zeros((10, 7)), "valid": np.ones(10, bool)},
-        {"terms": np.zeros((1, 3)), "valid": np.ones(1, bool)},
+        {"terms": np.zeros((1, TERMS)), "valid": np.ones(1, bool)},
         {"start": 3},
     ],
 )
@@ -256,7 +258,7 @@ def test_answers_to_an_earlier_plan_do_not_count(party):
     worker = party.join("w-1")
     party.evaluate(number=0)
     (first,) = worker.asked
-    wrong = np.full((10, 3), -1e9)
+    wrong = np.full((10, TERMS), -1e9)
 
     def both(asked):
         worker.bus.publish(answer(first, terms=wrong))
