@@ -89,14 +89,14 @@ def test_without_a_state_it_falls_and_comes_to_rest(start, lost):
 
 
 def test_an_emergency_stop_is_final(start, endpoint, capfd, eventually, monkeypatch):
-    monkeypatch.setattr(orders, "PATIENCE_S", 1.0)
-    system = start(speed=SPEED_OF_STOPS, resume_wait=4.0)
+    monkeypatch.setattr(orders, "PATIENCE_S", 2.0)
+    system = start(speed=SPEED_OF_STOPS, resume_wait=6.0)
     order = ["--connect", endpoint, "--robot", "g1", "--reason", "a test"]
     with Bus.dial(endpoint, "g1") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
         assert main(["stop", *order]) == 0
-        assert eventually(lambda: health.peek().mode == "stopped", 10.0)
+        assert eventually(lambda: health.peek() and health.peek().mode == "stopped", 10.0)
         assert main(["resume", *order]) == 3
         assert health.peek().mode == "stopped"
     code, summary = system.finish()
