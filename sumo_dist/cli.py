@@ -61,6 +61,9 @@ COMMANDS = {
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
     "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.policy"),
+    "bench safety": Command(
+        "Measure what a robot's limits leave free and how it stops", "sumo_dist.bench.safety"
+    ),
     "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
     "bench estimator": Command(
         "Measure how far the estimated state is off", "sumo_dist.bench.estimator"

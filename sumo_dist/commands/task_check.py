@@ -17,8 +17,10 @@ from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.episode.start import draw_start
 from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
+from sumo_dist.math.rotations import from_rotation_vector, multiply
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.model.settle import height_above_floor
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout.interface import TICK, Engine
@@ -31,8 +33,9 @@ COST_LIMIT = 1.5  # planning time of any task over the reference's
 ROUNDS = 5  # plans that are timed, of each task in turn
 ARENA = 20.0  # no start is farther from the origin [m]
 OVERLAP = 0.005  # contacts of a start are no deeper [m]
-NUDGES, PLANS = 4, 8  # starts with the objects set in motion, and plans from each
+NUDGES, PLANS = 4, 8  # starts with the objects tilted and set in motion, and plans from each
 NUDGE = 0.5  # spread of the objects' speeds there [m/s, rad/s]
+TILT = 0.2  # spread of their turn about each level axis there [rad]
 SAY = 1e-4  # a term whose spread is a smaller part of the largest one's decides nothing
 LARGEST = 1e6  # a weighted term beyond this has a weight or a unit that cannot be meant
 
@@ -98,7 +101,7 @@ class Subject:
 
     @cached_property
     def terms(self) -> np.ndarray:
-        """(seeds, NUDGES * PLANS, n_terms) weighted costs of random plans, objects in motion."""
+        """(seeds, NUDGES * PLANS, n_terms) weighted costs of random plans, objects nudged."""
         rng = np.random.default_rng(0)
         with self.problem.engine(1) as engine:
             rows = [
@@ -126,9 +129,20 @@ class Subject:
             return evaluate(self.task.cost, self.problem.layout.view(*played))
 
     def nudged(self, start: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return a start with every object in motion: untouched, most would not move at all."""
+        """Return a start with every object tilted and in motion, as high above the floor as it was.
+
+        Untouched, most would not move at all, and no random plan topples what is heavy: terms about
+        an object would look dead.
+        """
         state, index = start.copy(), StateIndex(self.plant)
-        for body in set(index.free_bodies) - {self.task.scene.robot.base}:
+        qpos = state[: self.plant.nq]
+        for body in index.free_bodies:
+            if body == self.task.scene.robot.base:
+                continue
+            pose, height = qpos[index.pose(body)], height_above_floor(self.plant, qpos, body)
+            turn = from_rotation_vector(np.array([*rng.normal(0.0, TILT, 2), 0.0]))
+            pose[3:] = multiply(turn, pose[3:])
+            pose[2] += height - height_above_floor(self.plant, qpos, body)
             state[index.velocity(body)] = rng.normal(0.0, NUDGE, 6)
         return state
 
@@ -253,7 +267,7 @@ def finite(subject: Subject) -> Finding:
 
 
 def sensitive(subject: Subject) -> Finding:
-    """Does every term tell plans of one start apart, and have a say in the sum."""
+    """Does every term tell apart what may come of one start, and have a say in the sum."""
     spreads = subject.terms.std(axis=1).mean(axis=0)  # (n_terms,)
     idle = []
     for term, spread in zip(subject.task.cost, spreads, strict=True):
@@ -262,7 +276,7 @@ def sensitive(subject: Subject) -> Finding:
         if term.reduction not in INDICATORS:  # an indicator may well be of something rare
             return Finding(
                 "fail",
-                f"{term.name} varies by {spread:.1e} over random plans, others by up to "
+                f"{term.name} varies by {spread:.1e} over nudges and random plans, others up to "
                 f"{spreads.max():.1e}: it decides nothing",
             )
         idle.append(term.name)

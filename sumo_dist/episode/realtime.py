@@ -221,7 +221,7 @@ class RealtimeLoop:
 
     def _told_to_rise(self) -> bool:
         """Hold still until somebody says to go on and the state allows it."""
-        deadline = time.monotonic() + self._resume_wait
+        deadline, said = time.monotonic() + self._resume_wait, ""
         while time.monotonic() < deadline and not self._stop.is_set():
             self._move(iter([self._guard.last]))
             if self._link.resume_order():
@@ -229,5 +229,7 @@ class RealtimeLoop:
                 refusal = self._watch.may_rise(tick, self._link.newest_state(tick, 0.0))
                 if not refusal:
                     return True
-                self._tell("warning", f"cannot go on: {refusal}")
+                if refusal != said:  # orders are repeated
+                    self._tell("warning", f"cannot go on: {refusal}")
+                said = refusal
         return False

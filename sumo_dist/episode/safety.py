@@ -41,6 +41,8 @@ class StateWatch:
     def may_rise(self, tick: int, newest: tuple[int, np.ndarray] | None) -> str:
         """Return why a robot that sits must not get up, "" if it may."""
         self._leaning = 0
+        if self._safety.rise_tilt == 0:
+            return "it cannot get up by itself"
         if (reason := self.trip(tick, newest)) is not None:
             return reason.removeprefix("fault: ")
         assert newest is not None, "else it would have tripped"
@@ -51,9 +53,9 @@ class StateWatch:
 
 
 def sitting_down(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
-    """Joint targets (nu,) [rad], one a tick: a ramp to the sitting pose, which is then held."""
+    """Joint targets (nu,) [rad], one a tick: a ramp to the sitting pose, held until it rests."""
     ramp_s = np.broadcast_to(robot.safety.stop_s, start.shape)
-    whole_s = float(ramp_s.max()) + robot.safety.stop_hold_s
+    whole_s = float(ramp_s.max()) + robot.safety.rest_s
     yield from _ramp(start, np.array(robot.sit), ramp_s, whole_s)
 
 

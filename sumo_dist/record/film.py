@@ -17,13 +17,13 @@ from sumo_dist.record.replay import NO_GRAPHICS, STRIP, episode
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
-from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, goal_rings, ranked
+from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, eye_azimuth, goal_rings, ranked
 
 FPS = {".mp4": 25.0, ".gif": 12.5}
 SIZE = {".mp4": (960, 544), ".gif": (640, 360), ".jpg": (560, 350)}  # [pixels], halved in strips
 
 _FOLLOW_S = 3.0  # the camera's path is averaged over this long
-_AZIMUTH, _ELEVATION = 125.0, -24.0  # of the line of sight [deg]
+_ELEVATION = -24.0  # of the line of sight [deg]
 _TRAIL_TICKS = 10  # between points of a trail
 
 _LIGHT = 1.6  # how bright the scene's lights make a line
@@ -45,7 +45,9 @@ class _Artist:
         self._trails = _trails(task, self._model, recording.states)
         self._lookat, self._distance = _camera_path([*self._trails.values()], task.goal)
         self._camera = mujoco.MjvCamera()
-        self._camera.azimuth, self._camera.elevation = _AZIMUTH, _ELEVATION
+        robot = next(iter(self._trails.values()))[0]
+        self._camera.azimuth = eye_azimuth(robot, self._lookat[0]) + 180.0
+        self._camera.elevation = _ELEVATION
         self._planner = episode(recording).planner
         ticks = np.arange(len(recording.states))
         self._plans = np.searchsorted(recording.plan_ticks, ticks, side="right") - 1  # followed

@@ -6,6 +6,7 @@ import numpy as np
 
 from sumo_dist.errors import UsageError
 from sumo_dist.robots.robot import ActionSpace, Robot
+from sumo_dist.robots.safety import Safety
 
 ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
 WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
@@ -22,14 +23,29 @@ STANDING_LEG = (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0)
 ARM_DEFAULT = {"left": (0.2, 0.2, 0.0, 0.6), "right": (0.2, -0.2, 0.0, 0.6)}
 WRIST_DEFAULT = (0.0, 0.0, 0.0)
 ARMS_DEFAULT = tuple(q for side in SIDES for q in (*ARM_DEFAULT[side], *WRIST_DEFAULT))
-# Thighs and shins folded, arms forward: from here it sinks onto its shins instead of its head.
-SQUATTING_LEG = (-1.6, 0.0, 0.0, 2.4, -0.8, 0.0)
+# The safe stop: legs folded, arms ahead. Of the poses that were tried it is the one from which the
+# head falls slowest.
+FOLDED_LEG = (-2.0, 0.0, 0.0, 2.4, -0.8, 0.0)
+ARMS_AHEAD = tuple(q for roll in (0.2, -0.2) for q in (-1.2, roll, 0.0, 0.6, *WRIST_DEFAULT))
 
 # The policy is sure-footed within these [m/s, rad/s]; below `policies.g1.STAND_BELOW` it stands.
 BASE_LIMITS = (0.8, 0.4, 0.5)
 # An arm may be this far from its default [rad]: so far the policy stays up (bench policy), and no
 # joint is at its end.
 ARM_REACH = 1.0
+
+# What `sumo-dist bench safety --robot g1 RUN...` saw of random walks and of all four tasks:
+# targets changed by up to 13 rad/s in a leg, 6 in the waist and 17 in an arm, and no joint was
+# faster than 9 rad/s. Positions are the servos' ranges. Nobody can balance on two legs without a
+# state, so the safe stop is a fall: short, so that it begins low, and it needs time to come to
+# rest. It does not get up by itself.
+_SAFETY = Safety(
+    target_rate=((30.0,) * 12 + (15.0,) * 3 + (40.0,) * 14),
+    joint_speed=25.0,
+    stop_s=0.5,
+    rest_s=2.0,
+    rise_tilt=0.0,
+)
 
 G1 = Robot(
     name="g1",
@@ -38,10 +54,11 @@ G1 = Robot(
     joints=JOINTS,
     stand=(*STANDING_LEG * 2, 0.0, 0.0, 0.0, *ARMS_DEFAULT),
     stand_height=0.76,
-    sit=(*SQUATTING_LEG * 2, 0.0, 0.0, 0.2, *ARMS_DEFAULT),
+    sit=(*FOLDED_LEG * 2, 0.0, 0.0, 0.2, *ARMS_AHEAD),
     fall_height=0.6,
     policy="g1",
     default_command=(0.0, 0.0, 0.0, *ARMS_DEFAULT, 0.0, 0.0),
+    safety=_SAFETY,
 )
 
 

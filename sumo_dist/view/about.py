@@ -10,15 +10,19 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     planner, chosen = episode.planner, elite_count(episode.planner)
     best = "best future" if chosen == 1 else f"{chosen} best futures"
     rest = "the object should come to rest" if "object" in task.frames else "the robot should go"
+    ways = "blue, orange line" if "object" in task.frames else "blue line"
+    whose = "robot and object" if "object" in task.frames else "the robot"
+    paths = ["the robot's base" if name == "base" else f"the {name}" for name in task.trails]
+    trails = " and ".join(paths).replace("_", " ")
     goal = f"- **green target**: where {rest}\n" if task.goal else ""
     return f"""\
 **{task.name}**: 20 times a second {task.scene.robot.name.capitalize()} imagines
 **{planner.rollouts} futures** of {planner.horizon:g} s, scores them, and follows the best it found
 ({planner.optimizer.upper()}, seed {episode.seed}, {episode.clock} clock).
-- **thin lines**: where {" and ".join(task.trails)} go in each future, from cheap (yellow) over
-  green and blue to expensive (violet)
+- **thin lines**: where {trails} go in each future, from cheap
+  (yellow) over green and blue to expensive (violet)
 - **white lines**: the {best}
-{goal}- **blue, orange line on the floor**: the way of robot and object so far
+{goal}- **{ways} on the floor**: the way of {whose} so far
 """
 
 

@@ -3,18 +3,22 @@
 import numpy as np
 import rerun.blueprint as rrb
 
+from sumo_dist.view.marks import eye_azimuth
 from sumo_dist.view.outputs import TIMELINE
 
-_AZIMUTH, _ELEVATION = np.deg2rad(-55.0), np.deg2rad(28.0)  # the eye, seen from its target
+_ELEVATION = np.deg2rad(28.0)  # of the eye, seen from its target
 _BACKGROUND = (18, 20, 25)
 
 
-def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb.Blueprint:
+def layout(
+    points: np.ndarray, mover: str, distance: float | None, distributed: bool
+) -> rrb.Blueprint:
     """Arrange the views.
 
     Args:
-        points: (N, 3) what the eye should take in at the start, world [m].
-        distance: of the object to its goal at the start [m]; None if there is no object.
+        points: (N, 3) what the eye should take in at the start, the robot first, world [m].
+        mover: what should come to the goal, "object" or "robot".
+        distance: of it to the goal at the start [m]; None if there is no goal.
         distributed: there are rollout workers to watch.
     """
     plots = [
@@ -23,7 +27,7 @@ def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb
         _plot("timing", "Planning time and plan age [ms]"),
     ]
     if distance is not None:
-        plots.insert(0, _plot("task", "Object to goal [m]", (0.0, 1.2 * distance)))
+        plots.insert(0, _plot("task", f"{mover.capitalize()} to goal [m]", (0.0, 1.2 * distance)))
     if distributed:
         plots.append(_plot("workers", "Rollout workers"))
     scene = rrb.TextDocumentView(origin="about/scene", name="What you see")
@@ -31,7 +35,7 @@ def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     events = rrb.TextLogView(origin="events", name="Events", columns=columns)
     left = rrb.Vertical(
-        _scene(points),
+        _scene(points, mover),
         rrb.Horizontal(scene, cost, events, column_shares=[5, 3, 4]),
         row_shares=[9, 4],
     )
@@ -45,11 +49,12 @@ def layout(points: np.ndarray, distance: float | None, distributed: bool) -> rrb
     )
 
 
-def _scene(points: np.ndarray) -> rrb.Spatial3DView:
+def _scene(points: np.ndarray, mover: str) -> rrb.Spatial3DView:
     eye, target = frame(points)
+    things = "Robot, object" if mover == "object" else "Robot"
     return rrb.Spatial3DView(
         origin="world",
-        name="Robot, object and candidate plans",
+        name=f"{things} and candidate plans",
         background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=_BACKGROUND),
         line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=1.0, color=(255, 255, 255, 30)),
         eye_controls=rrb.EyeControls3D(
@@ -59,13 +64,14 @@ def _scene(points: np.ndarray) -> rrb.Spatial3DView:
 
 
 def frame(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return an eye (3,) and its target (3,) that show all points (N, 3), world [m]."""
+    """Return an eye (3,) and its target (3,) that show points (N, 3), the robot first [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
     target = (low + high) / 2
     distance = 1.5 + 0.7 * float(np.linalg.norm(high - low))
+    azimuth = np.deg2rad(eye_azimuth(points[0], target))
     direction = [
-        np.cos(_ELEVATION) * np.cos(_AZIMUTH),
-        np.cos(_ELEVATION) * np.sin(_AZIMUTH),
+        np.cos(_ELEVATION) * np.cos(azimuth),
+        np.cos(_ELEVATION) * np.sin(azimuth),
         np.sin(_ELEVATION),
     ]
     return target + distance * np.array(direction), target

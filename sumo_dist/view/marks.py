@@ -11,6 +11,7 @@ GOAL: Color = (64, 224, 140)
 TRAILS: dict[str, Color] = {"base": (96, 190, 255), "object": (255, 138, 60)}  # frame -> its way
 ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]
 
+_AZIMUTH = -55.0  # [deg]
 _RING_RADII = (0.1, 0.25, 0.4)  # [m]
 
 # Viridis at equal steps: perceptually uniform, legible in grey and to the colour-blind.
@@ -37,6 +38,21 @@ def goal_rings(goal: np.ndarray) -> np.ndarray:
     circle = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     foot = np.array([goal[0], goal[1], ON_FLOOR])
     return foot + np.array(_RING_RADII)[:, None, None] * circle
+
+
+def eye_azimuth(robot: np.ndarray, target: np.ndarray) -> float:
+    """Return the direction from which a picture is taken, in the floor's plane [deg].
+
+    It is _AZIMUTH, or the opposite if the robot is on the far side from there: an object that is
+    pushed towards the eye, or a door, would hide it.
+
+    Args:
+        robot: (3,) where the robot is at the start, world [m].
+        target: (3,) what the eye looks at.
+    """
+    away, angle = robot[:2] - target[:2], np.deg2rad(_AZIMUTH)
+    nearer = away @ [np.cos(angle), np.sin(angle)]  # how much nearer the robot is [m]
+    return _AZIMUTH + 180.0 if nearer < -0.5 * np.linalg.norm(away) else _AZIMUTH
 
 
 def elite_count(planner: PlannerConfig) -> int:

@@ -58,6 +58,7 @@ class RunLogger:
         self._trails = {
             name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in TRAILS if name in task.frames
         }
+        self._mover = "object" if "object" in task.frames else "base"  # what has the goal
         self._ticks: list[int] = []
         self._distances: list[float] = []
         self._arranged = False
@@ -73,8 +74,8 @@ class RunLogger:
         mujoco.mj_kinematics(self._model, self._data)
         self._scene.add(tick, self._data)
         self._ticks.append(tick)
-        if self._goal is not None and "object" in self._trails:
-            to_goal = self._position("object") - self._goal
+        if self._goal is not None and self._mover in self._trails:
+            to_goal = self._position(self._mover) - self._goal
             self._distances.append(float(np.linalg.norm(to_goal)))
         if not self._arranged:
             self._arrange()
@@ -154,7 +155,8 @@ class RunLogger:
         if self._goal is not None:
             points.append(self._goal)
         distance = self._distances[0] if self._distances else None
-        self._out.arrange(layout(np.array(points), distance, self._distributed))
+        mover = "robot" if self._mover == "base" else self._mover
+        self._out.arrange(layout(np.array(points), mover, distance, self._distributed))
         self._arranged = True
 
     def _position(self, name: str) -> np.ndarray:
@@ -170,7 +172,7 @@ class RunLogger:
 
     def _name_plots(self) -> None:
         for plot, names in {
-            "task": ["object to goal"],
+            "task": [f"{'robot' if self._mover == 'base' else self._mover} to goal"],
             "cost": ["current plan", "best candidate", "mean of all"],
             "terms": [term.name for term in self._task.cost],
             "timing": ["planning time", "budget", "age of the plan's state"],

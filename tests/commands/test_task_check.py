@@ -2,10 +2,15 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from sumo_dist.cli import main
-from sumo_dist.commands.task_check import CHECKS
+from sumo_dist.commands.task_check import CHECKS, Subject
+from sumo_dist.math.rotations import rotate
+from sumo_dist.model.index import StateIndex
+from sumo_dist.model.settle import height_above_floor
+from sumo_dist.tasks import load_task
 
 FAULTY = """
 from dataclasses import replace
@@ -55,7 +60,7 @@ def check(tmp_path, capsys, expression):
     return code, {found[2]: (found[1], found[3]) for found in verdicts if found}
 
 
-@pytest.mark.parametrize("name", ["spot/move_rack", "spot/upright_tire"])
+@pytest.mark.parametrize("name", ["spot/move_rack", "spot/upright_tire", "g1/chair_push"])
 def test_a_good_task_passes(name, capsys, monkeypatch):
     monkeypatch.setattr("sumo_dist.commands.task_check.COST_LIMIT", 10.0)  # the machine is shared
     assert main(["task", "check", name, "--seeds", "2"]) == 0
@@ -94,6 +99,9 @@ def test_a_good_task_passes(name, capsys, monkeypatch):
         ("term(lambda r: norm(r.object.pos)[:, 0])", "finite", "returned shape"),
         ("term(lambda r: 1 / 0)", "finite", "ZeroDivisionError"),
         ("term(lambda r: 0.0 * norm(r.object.pos))", "sensitive", "mine varies by .* nothing"),
+        ("term(lambda r: r.object.z[..., 2] * 1e-5)", "sensitive", "mine varies by .* nothing"),
+        ("term(lambda r: np.abs(1 - norm(r.object.z)))", "sensitive", "mine varies by .* nothing"),
+        ("term(lambda r: np.abs(1 - r.object.z[..., 2]))", None, ""),
         ("term(lambda r: norm(r.object.pos) > 99, reduction='any')", None, ""),
         ("term(of_the_batch)", "split", "mine depends on the other rows"),
     ],
@@ -108,6 +116,21 @@ def test_a_fault_fails_its_check(expression, name, reason, tmp_path, capsys, mon
     else:
         assert failed[0] == name
         assert re.search(reason, findings[name][1])
+
+
+def test_a_nudge_tilts_what_stands_and_leaves_it_on_the_floor():
+    subject = Subject(load_task("g1/box_push"), 2)
+    start, index = subject.starts[0], StateIndex(subject.plant)
+    nudged = [subject.nudged(start, np.random.default_rng(seed)) for seed in range(8)]
+    leans = [rotate(state[index.pose("box")][3:], np.array([0.0, 0.0, 1.0]))[2] for state in nudged]
+    assert min(leans) < 0.98  # 11 deg
+    assert min(leans) > 0.7
+    for state in nudged:
+        assert abs(height_above_floor(subject.plant, state[: subject.plant.nq], "box")) < 1e-3
+        np.testing.assert_array_equal(state[index.pose("pelvis")], start[index.pose("pelvis")])
+        assert state[index.velocity("box")].all()
+    again = subject.nudged(start, np.random.default_rng(3))
+    np.testing.assert_array_equal(again, nudged[3])
 
 
 def test_a_task_that_plans_slowly_is_told(capsys, monkeypatch):

@@ -10,7 +10,9 @@ from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
 from sumo_dist.episode.start import make_guard
 from sumo_dist.math.rotations import from_rotation_vector
 from sumo_dist.model.index import StateIndex
+from sumo_dist.model.settle import settled_stand
 from sumo_dist.policies import load_policy
+from sumo_dist.robots.g1 import G1
 from sumo_dist.robots.safety import tilt
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.rollout.interface import TICK
@@ -68,6 +70,13 @@ def test_it_gets_up_only_from_a_level_and_known_state(watch, first_state):
     assert watch.may_rise(3, (3, leaning(first_state, 0.5))) == (
         "it lies 29 deg from level, at most 20"
     )
+
+
+def test_a_robot_that_cannot_get_up_stays_down():
+    level = np.concatenate([settled_stand(G1), np.zeros(35)])
+    watch = StateWatch(G1, 36)
+    assert watch.trip(3, (3, level)) is None
+    assert watch.may_rise(3, (3, level)) == "it cannot get up by itself"
 
 
 def wandering(task, plant, policy, seed):

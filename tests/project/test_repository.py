@@ -68,7 +68,7 @@ def command_lines(document: str) -> list[str]:
     return [
         args.strip()
         for block in blocks
-        for args in calls.findall(launch.sub("sumo-dist run", block))
+        for args in calls.findall(launch.sub("sumo-dist run", block.replace("\\\n", " ")))
     ]
 
 

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.episode.safety import sitting_down
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANNING, PLANT, Scene, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
@@ -141,11 +142,12 @@ def test_the_memory_is_all_there_is(pair):
 
 def test_the_safe_stop_comes_to_rest(pair):
     """Ramp to the sitting pose and hold, as the robot does when it has lost its state."""
-    data, sit = mujoco.MjData(pair.model), np.array(pair.robot.sit)
+    data = mujoco.MjData(pair.model)
     data.qpos[:] = pair.start[: pair.model.nq]
+    motion = list(sitting_down(pair.robot, np.array(pair.robot.stand)))
+    np.testing.assert_allclose(motion[-1], pair.robot.sit)
     for tick in range(round(4.0 / TICK)):
-        share = min(1.0, tick * TICK / 0.7)
-        data.ctrl[:] = (1.0 - share) * np.array(pair.robot.stand) + share * sit
+        data.ctrl[:] = motion[min(tick, len(motion) - 1)]
         mujoco.mj_step(pair.model, data, round(TICK / pair.model.opt.timestep))
     assert np.isfinite(data.qpos).all()
     assert np.abs(data.qvel[:3]).max() < 0.1

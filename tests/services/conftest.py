@@ -84,8 +84,12 @@ class System:
         self.processes = {}
 
     def start(self, service):
+        self.take(service, self._launcher.start(service))
+
+    def take(self, service, process):
+        """Take over a service that runs."""
         self._services[service.name] = service
-        self.processes[service.name] = self._launcher.start(service)
+        self.processes[service.name] = process
 
     def restart(self, name, pause=0.0):
         self.kill(name)
@@ -153,9 +157,11 @@ def run_system(endpoint, tmp_path):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
             crew = Crew(episode, workers, threads, tmp_path, None, speed, wait, resume_wait)
             launcher = stack.enter_context(Launcher())
-            launcher.start(Service("router", "router", Router(endpoint)))
+            router = Service("router", "router", Router(endpoint))
+            launched = launcher.start(router)
             bus = stack.enter_context(Bus.dial(endpoint, task.partition("/")[0]))
             system = System(launcher, bus, tmp_path)
+            system.take(router, launched)
             for service in services(crew, endpoint):
                 changes = {"engine": worker_engine} if service.command == "rollout-worker" else {}
                 system.start(replace(service, options=replace(service.options, **changes)))

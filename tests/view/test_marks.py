@@ -1,7 +1,8 @@
 import numpy as np
+import pytest
 
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.view.marks import goal_rings, ranked
+from sumo_dist.view.marks import eye_azimuth, goal_rings, ranked
 
 
 def luminance(colors):
@@ -37,3 +38,16 @@ def test_rings_are_closed_and_lie_on_the_floor_around_the_goal():
     assert np.allclose(rings[:, 0], rings[:, -1])
     assert np.allclose(rings.mean(axis=(0, 1))[:2], [1.0, 2.0], atol=0.01)
     assert np.all((rings[..., 2] > 0) & (rings[..., 2] < 0.02))
+
+
+@pytest.mark.parametrize("side", np.deg2rad(np.arange(0.0, 360.0, 15.0)))
+def test_the_robot_is_not_behind_what_it_stands_before(side):
+    robot, target = np.array([3.0, 1.0, 0.8]), np.array([3.0, 1.0, 0.4])
+    robot[:2] += 1.2 * np.array([np.cos(side), np.sin(side)])
+    eye = np.deg2rad(eye_azimuth(robot, target))
+    assert np.cos(eye - side) > -0.51
+
+
+def test_a_robot_that_is_alone_is_seen_from_the_usual_side():
+    here = np.array([1.0, 2.0, 0.5])
+    assert eye_azimuth(here, here) == -55.0

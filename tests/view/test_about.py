@@ -1,0 +1,24 @@
+"""The text beside the picture speaks of what the task has."""
+
+import pytest
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.tasks import load_task
+from sumo_dist.view import about
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("spot/move_box", ("the object should come to rest", "the way of robot and object")),
+        ("g1/box_push", ("where the robot's base and the object go", "blue, orange line")),
+        ("g1/door_open", ("the robot should go", "the right palm go", "the way of the robot so")),
+    ],
+)
+def test_it_names_what_there_is(name, said):
+    task = load_task(name)
+    text = about.scene(task, EpisodeConfig(name)).lower()
+    assert name in text
+    for words in said:
+        assert words.lower() in text
+    assert ("object" in text) == ("object" in task.frames)
