@@ -54,8 +54,9 @@ class StateWatch:
 
 def sitting_down(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
     """Joint targets (nu,) [rad], one a tick: a ramp to the sitting pose, held until it rests."""
-    safety = robot.safety
-    yield from _ramp(start, np.array(robot.sit), safety.stop_s, safety.stop_s + safety.rest_s)
+    ramp_s = np.broadcast_to(robot.safety.stop_s, start.shape)
+    whole_s = float(ramp_s.max()) + robot.safety.rest_s
+    yield from _ramp(start, np.array(robot.sit), ramp_s, whole_s)
 
 
 def getting_up(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
@@ -63,11 +64,12 @@ def getting_up(robot: Robot, start: np.ndarray) -> Iterator[np.ndarray]:
 
     Soft servos do not carry the robot all the way; the policy does the rest.
     """
-    yield from _ramp(start, np.array(robot.stand), robot.safety.rise_s, 1.5 * robot.safety.rise_s)
+    ramp_s = np.full(start.shape, robot.safety.rise_s)
+    yield from _ramp(start, np.array(robot.stand), ramp_s, 1.5 * robot.safety.rise_s)
 
 
 def _ramp(
-    start: np.ndarray, end: np.ndarray, ramp_s: float, whole_s: float
+    start: np.ndarray, end: np.ndarray, ramp_s: np.ndarray, whole_s: float
 ) -> Iterator[np.ndarray]:
-    for step in range(round(whole_s / TICK)):
-        yield start + min(1.0, step * TICK / ramp_s) * (end - start)
+    for step in range(1, round(whole_s / TICK) + 1):
+        yield start + np.minimum(1.0, step * TICK / ramp_s) * (end - start)

@@ -19,7 +19,7 @@ class Safety:
         fall_tilt: of the base's vertical axis [rad]; leaning further, it is falling.
         fall_s: for how long it may lean that far before it is stopped [s].
         blind_s: age of the newest state on which it still walks [s].
-        stop_s: from the last joint targets to the sitting pose [s].
+        stop_s: from the last joint targets to the sitting pose [s], for all joints or one a joint.
         rest_s: for how long that pose is held until the robot is at rest [s].
         rise_s: from the sitting pose back to the stance, when it is told to go on [s].
         rise_tilt: lying further from level than this it does not get up [rad]; 0 if it cannot.
@@ -32,7 +32,7 @@ class Safety:
     fall_tilt: float = np.pi / 3
     fall_s: float = 0.5
     blind_s: float = 0.1
-    stop_s: float = 0.7
+    stop_s: float | tuple[float, ...] = 0.7
     rest_s: float = 0.7
     rise_s: float = 1.0
     rise_tilt: float = np.radians(20)

@@ -37,6 +37,9 @@ _SAFETY = Safety(
     ),
     target_rate=((40.0, 40.0, 70.0) * 4 + (30.0,) * 6 + (80.0,)),
     joint_speed=30.0,
+    # The legs at once, before the motion can roll the body over them; the arm slowly, since its
+    # mass would (tests/episode/test_safety.py, docs/decisions/0008).
+    stop_s=(0.2,) * 12 + (1.2,) * 7,
 )
 
 SPOT = Robot(
