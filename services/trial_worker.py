@@ -91,7 +91,9 @@ class Seat:
         if self.running is not None:
             self._processes.end(self.running)
         self._request, self._answer = request, None
-        log.info("%s: %s seed %s", self.name, request.episode.get("task"), request.episode["seed"])
+        log.info(
+            "%s: %s seed %s", self.name, request.episode.get("task"), request.episode.get("seed")
+        )
         question = request.variant, request.episode, request.planner
         self.running = self._processes.start(question)
 
