@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import Script
 from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import read_summary
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from sumo_dist.chaos.stage import Blow
 
 GROWTH_MB = 40.0  # in the second half of a life of seconds: a slow start ends there, no leak does
+GROWTH_FILES = 20  # likewise: reconnecting opens some for a moment
 _EXACT = 1e-9
 
 
@@ -36,7 +38,9 @@ class Outcome:
         plans: made.
         commands: joint targets sent.
         slowest_s: longest wall time from a fault's end to the next good plan; None without any.
-        growth_mb: most that a process grew in the second half of its life.
+        rate_hz: plans per second of wall time, while the robot's clock ran.
+        rollouts: median per plan.
+        growths: of the services that lived long enough.
         mangled: messages by what was done to them.
         failures: what was not as it must be; empty if all was.
     """
@@ -48,7 +52,9 @@ class Outcome:
     plans: int
     commands: int
     slowest_s: float | None
-    growth_mb: float
+    rate_hz: float
+    rollouts: float
+    growths: tuple[Growth, ...]
     mangled: dict[str, int]
     failures: tuple[str, ...]
 
@@ -58,14 +64,26 @@ def judge(
     blows: "Sequence[Blow]",
     code: int | None,
     out: Path,
-    growth_mb: float,
+    growths: tuple[Growth, ...],
     mangled: dict[str, int],
 ) -> Outcome:
     """Compare a run with what it must be like."""
     failures = []
     if code is None:
         return Outcome(
-            *(script.name, script.seed, len(blows), "it hangs", 0, 0, None, 0.0, mangled),
+            *(
+                script.name,
+                script.seed,
+                len(blows),
+                "it hangs",
+                0,
+                0,
+                None,
+                0.0,
+                0.0,
+                growths,
+                mangled,
+            ),
             ("it hangs",),
         )
     if crash := crashed((out / "messages.txt").read_text(errors="replace")):
@@ -74,7 +92,19 @@ def judge(
         summary, recording = read_summary(out), Recording.load(out / "run.npz")
     except SumoError as error:
         return Outcome(
-            *(script.name, script.seed, len(blows), f"exit code {code}", 0, 0, None, 0.0, mangled),
+            *(
+                script.name,
+                script.seed,
+                len(blows),
+                f"exit code {code}",
+                0,
+                0,
+                None,
+                0.0,
+                0.0,
+                growths,
+                mangled,
+            ),
             (*failures, str(error)),
         )
     if not summary["end_reason"].startswith(script.ends):
@@ -84,13 +114,13 @@ def judge(
     failures += unsafe(recording.targets, load_task(script.task).scene.robot)
     waits = [blow.resumed - blow.ended for blow in blows if blow.ended and blow.resumed]
     failures += _late(script, blows)
-    if growth_mb > GROWTH_MB:
-        failures.append(f"a process grew by {growth_mb:.0f} MB")
+    failures += _grown(growths)
     if script.clock == "lockstep":
         failures += _other_bits(script, summary)
     return Outcome(
         *(script.name, script.seed, len(blows), summary["end_reason"], summary["plans"]),
-        *(len(recording.targets), max(waits, default=None), round(growth_mb, 1), mangled),
+        *(len(recording.targets), max(waits, default=None)),
+        *(_rate(summary), summary["rollouts_per_plan_p50"] or 0.0, growths, mangled),
         tuple(failures),
     )
 
@@ -122,6 +152,24 @@ def unsafe(targets: "Sequence[np.ndarray]", robot: Robot) -> list[str]:
         if (step > np.array(safety.target_rate) * TICK + _EXACT).any():
             wrong.append("a command beyond its rate was sent")
     return wrong
+
+
+def _rate(summary: dict[str, Any]) -> float:
+    """Plans per second of wall time."""
+    seconds = summary["robot_time_s"] / (summary["real_time_factor"] or np.inf)
+    return round(summary["plans"] / seconds, 2) if seconds else 0.0
+
+
+def _grown(growths: "Sequence[Growth]") -> list[str]:
+    """Services that keep on growing."""
+    grown = []
+    for growth in growths:
+        mb, files = growth.mb[1] - growth.mb[0], growth.files[1] - growth.files[0]
+        if mb > GROWTH_MB:
+            grown.append(f"{growth.service} grew by {mb:.0f} MB")
+        if files > GROWTH_FILES:
+            grown.append(f"{growth.service} opened {files:.0f} files more")
+    return grown
 
 
 def _late(script: Script, blows: "Sequence[Blow]") -> list[str]:

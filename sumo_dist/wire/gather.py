@@ -237,6 +237,9 @@ class RemoteEvaluator:
         if reply.refusal:
             self._refused(job, reply)
             return
+        # From late answers too: those in time alone would make a worker look faster than it is.
+        pace = len(reply.valid) / max(reply.compute_ms, 1e-3)
+        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
         shard = job.shards.get(reply.shard)
         if shard is None or (reply.number, reply.iteration) != (job.request.number, job.iteration):
             return  # late: its plan has gone out
@@ -249,8 +252,6 @@ class RemoteEvaluator:
         shard.done = True
         job.terms[rows] = np.where(reply.valid[:, None], reply.terms, np.nan)
         job.valid[rows], job.answered[rows] = reply.valid, True
-        pace = shard.count / max(reply.compute_ms, 1e-3)
-        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
 
     def _refused(self, job: _Job, reply: RolloutReply, reason: str | None = None) -> None:
         worker = self._workers[reply.worker]

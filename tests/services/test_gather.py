@@ -298,6 +298,16 @@ def test_faster_workers_get_more_rows(party):
     assert sum(len(asked.knots) for asked in fast.asked[-1:]) >= 9
 
 
+def test_answers_that_come_too_late_tell_how_slow_a_worker_is(party):
+    slow = party.join("slow", silent)
+    party.evaluate(0, deadline_s=0.05)
+    believed = party.evaluator.pace
+    with party.news():
+        slow.bus.publish(answer(slow.asked[0], compute_ms=1000.0))
+    party.evaluate(1, deadline_s=0.05)
+    assert party.evaluator.pace < 0.9 * believed
+
+
 def test_says_that_it_was_told_to_stop(party):
     threading.Timer(0.2, party.stop.set).start()
     with pytest.raises(Interrupted):
