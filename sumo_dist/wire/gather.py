@@ -22,6 +22,7 @@ RESEND_S = 1.0  # a shard unanswered for this long goes to another worker
 CHUNK = 8  # rows a request when there is a deadline, so that a late worker is late with few
 MISSES_TO_BENCH = 2  # plans in a row without any answer before a worker is passed over
 PROBE_S = 1.0  # how often a benched worker is asked again
+PACE = " rollouts/s"  # ends the name of the counter that says how fast a worker is
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
 
 
@@ -52,6 +53,8 @@ class _Worker:
     speed: float = 0.1  # rows per ms
     misses: int = 0
     asked: float = 0.0  # time.monotonic() of the last request
+    heard: float = 0.0  # likewise of the last answer
+    lost: int = 0  # rows it was asked for and did not answer in time
 
 
 @dataclass
@@ -125,14 +128,18 @@ class RemoteEvaluator:
         """Rollouts per ms of all workers that take shards, as measured on their answers."""
         return sum(self._usable().values())
 
-    def workers_health(self) -> dict[str, str]:
-        """One line a worker: its pace, and why it is passed over, if it is."""
-        lines = {}
+    def workers_health(self) -> dict[str, int | float | str]:
+        """Of each worker: whether it answers, its pace, when it was heard, and what it has lost."""
+        counters: dict[str, int | float | str] = {}
+        now = time.monotonic()
         for name, worker in list(self._workers.items()):  # another thread may be at it
             benched = "passed over" if worker.misses >= MISSES_TO_BENCH else ""
-            trouble = worker.refusal or benched or "answers"
-            lines[f"worker {name}"] = f"{worker.speed * 1e3:.0f} rollouts/s, {trouble}"[:200]
-        return lines
+            counters[f"{name} state"] = (worker.refusal or benched or "answers")[:200]
+            counters[name + PACE] = round(worker.speed * 1e3)
+            counters[f"{name} lost"] = worker.lost
+            if worker.heard:
+                counters[f"{name} silent s"] = round(now - worker.heard, 2)
+        return counters
 
     def reset_account(self, deadline: float | None) -> None:
         """Start the account of a new plan."""
@@ -233,7 +240,7 @@ class RemoteEvaluator:
             return  # the last words of one that has left
         if worker.misses >= MISSES_TO_BENCH:
             self._tell("info", f"worker {reply.worker} answers again")
-        worker.misses = 0
+        worker.misses, worker.heard = 0, time.monotonic()
         if reply.refusal:
             self._refused(job, reply)
             return
@@ -282,6 +289,11 @@ class RemoteEvaluator:
     def _abandon(self, shard: _Shard) -> None:
         shard.done = True
         self.reissued += shard.count
+        self._lose(shard)
+
+    def _lose(self, shard: _Shard) -> None:
+        if worker := self._workers.get(shard.worker):
+            worker.lost += shard.count
 
     def _late(self) -> bool:
         return self.deadline is not None and time.monotonic() >= self.deadline
@@ -293,7 +305,10 @@ class RemoteEvaluator:
                 self._abandon(shard)
 
     def _close(self, job: _Job) -> None:
-        """Note who did not answer at all in time."""
+        """Note what was not answered in time, and who did not answer at all."""
+        for shard in job.shards.values():
+            if not shard.done:
+                self._lose(shard)
         answered = {shard.worker for shard in job.shards.values() if shard.done}
         for name in {shard.worker for shard in job.shards.values()} - answered:
             self._miss(name)
