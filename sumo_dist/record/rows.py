@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from typing import IO, Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class Rows(Sequence[Any]):
     def __init__(self, rows: Iterable[Any] = ()) -> None:
         """Start with some rows."""
         self._fresh: list[np.ndarray] = []
-        self._file: IO[bytes] | None = None
+        self._file: Any = None  # of bytes
         self._resting = 0  # rows in the file
         self._spills = True
         for row in rows:
@@ -56,14 +56,10 @@ class Rows(Sequence[Any]):
     def __len__(self) -> int:
         return self._resting + len(self._fresh)
 
-    @overload
-    def __getitem__(self, at: int) -> Any: ...
-    @overload
-    def __getitem__(self, at: slice) -> np.ndarray: ...
-    def __getitem__(self, at: int | slice) -> Any:
-        if isinstance(at, slice):
-            return np.array(self)[at]
-        row = range(len(self))[at]
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return np.array(self)[index]
+        row = range(len(self))[index]
         if row >= self._resting:
             return self._fresh[row - self._resting][()]
         return np.array(self._rested()[row])[()]

@@ -110,7 +110,7 @@ class RunLogger:
 
     def log_health(self, tick: int, source: str, name: str, value: float | str) -> None:
         """Log what a service tells of itself: a number as a series, a text whenever it changes."""
-        path = ["health", source, name]
+        path: list[object] = ["health", source, name]
         if not isinstance(value, str):
             self._out.log(path, rr.Scalars([value]), tick=tick)
         elif self._said.get((source, name)) != value:
