@@ -10,12 +10,13 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from sumo_dist.chaos.script import Fault, Script
+from sumo_dist.chaos.blow import Blow
+from sumo_dist.chaos.script import Script
 from sumo_dist.chaos.verdict import Outcome, judge
 from sumo_dist.commands import serve
 from sumo_dist.commands.distributed import Crew, services
@@ -27,30 +28,13 @@ from sumo_dist.services.launcher import Launcher, Service
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.mangle import Mangler
-from sumo_dist.wire.messages import PlanMessage
+from sumo_dist.wire.messages import PlanMessage, RunEnd
 
 PATIENCE_S = 180.0  # for a whole run
 LOOK_S = 0.25  # between two looks at the processes' memory
 GROWN_UP_S = 6.0  # younger processes still load what they need
 START_S = 30.0  # a router is up by then, on a busy machine as well
 ROUTERS = ("router", "far-router")
-
-
-@dataclass
-class Blow:
-    """One fault as it happened.
-
-    Attributes:
-        fault: which.
-        began, ended: wall time [s] of time.monotonic(); a killed service's fault ends when it is
-            seen alive again.
-        resumed: wall time at which the next good plan came; None if none did.
-    """
-
-    fault: Fault
-    began: float
-    ended: float | None = None
-    resumed: float | None = None
 
 
 def episode_of(script: Script) -> EpisodeConfig:
@@ -76,7 +60,10 @@ def play(script: Script, keep: Path | None = None) -> Outcome:
         out = Path(folder)
         with _stderr_to(out / "messages.txt"), Stage(script, out) as stage:
             code = stage.run()
-        outcome = judge(script, stage.blows, code, out, stage.growth_mb, dict(stage.mangled))
+        outcome = judge(
+            *(script, stage.blows, code, out, stage.growth_mb, dict(stage.mangled)),
+            *(stage.over, lambda: play(replace(script, faults=())).end),
+        )
         if keep is not None:
             shutil.copytree(out, keep, dirs_exist_ok=True)
         return outcome
@@ -92,6 +79,7 @@ class Stage:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._newest, self._good = -1, 0.0  # number and arrival of plans
         self.blows: list[Blow] = []
+        self.over: float | None = None  # when the robot said that the run is over
         self._sizes: dict[int, list[float]] = {}  # of each process in turn [MB]
         self._looked = 0.0
         self.mangled: Counter[str] = Counter()
@@ -115,6 +103,7 @@ class Stage:
         self._bus = self._stack.enter_context(Bus.dial(near, "spot", timeout=START_S))
         self._alive = self._bus.watch()
         self._bus.subscribe(PlanMessage, self._on_plan)
+        self._bus.subscribe(RunEnd, self._on_end)
         for service in planned:
             behind = service.name in self._script.behind
             options = replace(service.options, connect=far) if behind else service.options
@@ -220,6 +209,9 @@ class Stage:
             self._newest = max(self._newest, plan.number)
             if not message.failed:
                 self._good = time.monotonic()
+
+    def _on_end(self, _message: RunEnd) -> None:
+        self.over = self.over or time.monotonic()
 
 
 def _free_endpoint() -> str:
