@@ -19,8 +19,18 @@ from sumo_dist.errors import SumoError
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.gather import PACE
 from sumo_dist.wire.keys import BY_HAND, Member
-from sumo_dist.wire.messages import Event, Message, PlanMessage, RunEnd, State, Status, Traces
+from sumo_dist.wire.messages import (
+    Event,
+    Health,
+    Message,
+    PlanMessage,
+    RunEnd,
+    State,
+    Status,
+    Traces,
+)
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not have it
@@ -191,6 +201,8 @@ class Tracer:
             case Traces() if item.iteration == self._iterations - 1:
                 self._candidates.add_shard(item)
                 self._show_candidates()
+            case Health():
+                self._health(item)
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
             case Presence():
@@ -212,6 +224,15 @@ class Tracer:
             self._workers.discard(item.member)
         self._logger.log_workers(max(self._tick, 0), len(self._workers))
 
+    def _health(self, health: Health) -> None:
+        tick = max(self._tick, 0)
+        for name, value in health.counters.items():
+            worker = name.removesuffix(PACE)
+            if worker != name:
+                self._logger.log_pace(tick, worker, float(value))
+            else:
+                self._logger.log_health(tick, health.source, name, value)
+
     def _event(self, level: "Level", text: str) -> None:
         self._logger.log_event(max(self._tick, 0), level, text)
 
@@ -227,7 +248,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     backlog = Backlog()
     with Bus.dial(options.connect, options.robot, run=options.run) as bus:
         # Listen first: by the time that Rerun is loaded, the run may have begun.
-        for kind in (State, Status, PlanMessage, Traces, Event, RunEnd):
+        for kind in (State, Status, PlanMessage, Traces, Event, Health, RunEnd):
             bus.subscribe(kind, backlog.put)
         bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
         bus.announce("tracer", "main")

@@ -12,6 +12,7 @@ from sumo_dist.bench.results import Results
 from sumo_dist.bench.tables import text
 from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.rows import Rows
 
 
 @dataclass(frozen=True)
@@ -62,4 +63,4 @@ def draw(recording: Path, picture: Path) -> None:
     """Write a strip of pictures of a recording, too small to show the candidates."""
     from sumo_dist.record import replay  # needs the view extra
 
-    replay.render(replace(Recording.load(recording), traces=[]), picture)
+    replay.render(replace(Recording.load(recording), traces=Rows()), picture)

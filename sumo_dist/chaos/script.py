@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,8 @@ class Script:
     Attributes:
         faults: in any order.
         name: of the file.
-        task, seed, clock, speed, estimator, time_limit: of the run; a realtime run has a speed.
+        task: its name, or the path of its file from the script's folder.
+        seed, clock, speed, estimator, time_limit: of the run; a realtime run has a speed.
         workers: rollout workers.
         settings: of the planner, as key=value.
         behind: services that dial the mangler's router; all others are on its other side.
@@ -146,7 +147,10 @@ def read_script(path: Path) -> Script:
     if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
         raise UsageError(f"{path}: faults are tables, [[faults]]")
     made = tuple(_made(Fault, fault, path) for fault in faults)
-    return _made(Script, {"name": path.stem, **content, "faults": made}, path)
+    script = _made(Script, {"name": path.stem, **content, "faults": made}, path)
+    if script.task.endswith(".py"):
+        return replace(script, task=str(path.parent / script.task))
+    return script
 
 
 def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:

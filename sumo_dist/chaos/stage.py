@@ -18,6 +18,7 @@ import numpy as np
 
 from sumo_dist.chaos.blow import Blow
 from sumo_dist.chaos.cable import Cable
+from sumo_dist.chaos.census import Census
 from sumo_dist.chaos.clock import WallClock
 from sumo_dist.chaos.processes import (
     check_disks_can_fill,
@@ -40,9 +41,7 @@ from sumo_dist.wire.keys import Member
 from sumo_dist.wire.mangle import Mangler
 from sumo_dist.wire.messages import PlanMessage, RunEnd
 
-PATIENCE_S = 180.0  # for a whole run
-LOOK_S = 0.25  # between two looks at the processes' memory
-GROWN_UP_S = 6.0  # younger processes still load what they need
+PATIENCE_S = 180.0  # for a whole run, beside twice the time it takes by its clock
 START_S = 30.0  # a router is up by then, on a busy machine as well
 ROUTERS = ("router", "far-router")
 
@@ -70,8 +69,10 @@ def play(script: Script, keep: Path | None = None) -> Outcome:
         out = Path(folder)
         with _stderr_to(out / "messages.txt"), Stage(script, out) as stage:
             code = stage.run()
+        growths = tuple(stage.census.growths())
+        (out / "census.csv").write_text(stage.census.table())
         outcome = judge(
-            *(script, stage.blows, code, out, stage.growth_mb, dict(stage.mangled)),
+            *(script, stage.blows, code, out, growths, dict(stage.mangled)),
             *(stage.over, lambda: play(replace(script, faults=())).end),
         )
         if keep is not None:
@@ -92,8 +93,7 @@ class Stage:
         self._wall: WallClock | None = None
         self._cable: Cable | None = None
         self.over: float | None = None  # when the robot said that the run is over
-        self._sizes: dict[int, list[float]] = {}  # of each process in turn [MB]
-        self._looked = 0.0
+        self.census = Census()
         self.mangled: Counter[str] = Counter()
 
     def __enter__(self) -> "Stage":
@@ -172,7 +172,8 @@ class Stage:
         todo = sorted(
             ((plan, f) for f in self._script.faults for plan in f.plans), key=lambda each: each[0]
         )
-        robot, deadline = self._running["robot-interface"], time.monotonic() + PATIENCE_S
+        patience = PATIENCE_S + 2.0 * self._script.time_limit / self._script.speed
+        robot, deadline = self._running["robot-interface"], time.monotonic() + patience
         over: list[tuple[float, Blow]] = []  # when to end what has begun
         while robot.poll() is None:
             if time.monotonic() > deadline:
@@ -187,6 +188,7 @@ class Stage:
                 over.remove((due, blow))
                 self._end(blow)
             self._follow()
+            self.census.look(self._running)
             time.sleep(0.005)
         return robot.returncode
 
@@ -243,24 +245,13 @@ class Stage:
         self._mangler.set(tuple(rules))
 
     def _follow(self) -> None:
-        """Note what has come back, and how large the processes are."""
+        """Note what has come back."""
         for blow in self.blows:
             restarted = time.monotonic() > blow.began + blow.fault.lasts
             if blow.ended is None and blow.fault.kind == "kill" and restarted:
                 blow.ended = time.monotonic() if self._is_back(blow.fault.target) else None
             if blow.ended is not None and blow.resumed is None and self._good >= blow.ended:
                 blow.resumed = self._good
-        if time.monotonic() - self._looked > LOOK_S:
-            self._looked = time.monotonic()
-            for process in self._running.values():
-                if (size := _rss_mb(process.pid)) > 0:
-                    self._sizes.setdefault(process.pid, []).append(size)
-
-    @property
-    def growth_mb(self) -> float:
-        """Most that a process grew in the second half of its life [MB]."""
-        lives = (sizes for sizes in self._sizes.values() if len(sizes) * LOOK_S > GROWN_UP_S)
-        return max((sizes[-1] - sizes[len(sizes) // 2] for sizes in lives), default=0.0)
 
     def _is_back(self, name: str) -> bool:
         if name in ROUTERS:
@@ -297,15 +288,6 @@ def _answers(endpoint: str) -> bool:
     with socket.socket() as probe:
         probe.settimeout(0.1)
         return probe.connect_ex((host, int(port))) == 0
-
-
-def _rss_mb(pid: int) -> float:
-    """Resident memory of a process [MB], 0 if it is gone."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    except (OSError, IndexError):
-        return 0.0
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sumo_dist.chaos.blow import waited
+from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import Script
 from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import FAULTS, read_summary
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from sumo_dist.chaos.blow import Blow
 
 GROWTH_MB = 40.0  # in the second half of a life of seconds: a slow start ends there, no leak does
+GROWTH_FILES = 20  # likewise: reconnecting opens some for a moment
 _EXACT = 1e-9
 
 
@@ -39,7 +41,9 @@ class Outcome:
         commands: joint targets sent.
         slowest_s: longest wall time from a fault's end, and that of all that overlap it, to the
             next good plan; None without any.
-        growth_mb: most that a process grew in the second half of its life.
+        rate_hz: plans per second of wall time, while the robot's clock ran.
+        rollouts: median per plan.
+        growths: of the services that lived long enough.
         mangled: messages by what was done to them.
         failures: what was not as it must be; empty if all was.
         undisturbed: how the same run ended without faults, if this one fell; else "".
@@ -52,7 +56,9 @@ class Outcome:
     plans: int
     commands: int
     slowest_s: float | None
-    growth_mb: float
+    rate_hz: float
+    rollouts: float
+    growths: tuple[Growth, ...]
     mangled: dict[str, int]
     failures: tuple[str, ...]
     undisturbed: str = ""
@@ -63,7 +69,7 @@ def judge(
     blows: "Sequence[Blow]",
     code: int | None,
     out: Path,
-    growth_mb: float,
+    growths: tuple[Growth, ...],
     mangled: dict[str, int],
     until: float | None,
     undisturbed: Callable[[], str],
@@ -75,11 +81,11 @@ def judge(
         blows: its faults as they happened.
         code: the robot's exit code, None if it hangs.
         out: the run's folder.
-        growth_mb, mangled: see Outcome.
+        growths, mangled: see Outcome.
         until: time.monotonic() at which the run ended, None if nobody heard of it.
         undisturbed: plays the same run without faults and returns how it ended.
     """
-    nothing = (0, 0, None, 0.0, mangled)
+    nothing = (0, 0, None, 0.0, 0.0, growths, mangled)
     if code is None:
         return Outcome(script.name, script.seed, len(blows), "it hangs", *nothing, ("it hangs",))
     failures = []
@@ -101,14 +107,13 @@ def judge(
     if end.startswith((*FAULTS, "fell")):
         until = None  # the robot sat down first, and asked for no plans
     waits = [(blow, waited(blow, blows, until)) for blow in blows]
-    failures += _late(script, waits)
-    if growth_mb > GROWTH_MB:
-        failures.append(f"a process grew by {growth_mb:.0f} MB")
+    failures += [*_late(script, waits), *_grown(growths)]
     if script.clock == "lockstep":
         failures += _other_bits(script, summary)
     return Outcome(
         *(script.name, script.seed, len(blows), end, summary["plans"], len(recording.targets)),
-        *(_longest(waits), round(growth_mb, 1), mangled, tuple(failures), alone),
+        *(_longest(waits), _rate(summary), summary["rollouts_per_plan_p50"] or 0.0),
+        *(growths, mangled, tuple(failures), alone),
     )
 
 
@@ -155,6 +160,24 @@ def _longest(waits: "Sequence[tuple[Blow, float | None]]") -> float | None:
     """Return the longest wait of a fault after which planning resumed [s]; None without any."""
     seen = (wait for blow, wait in waits if wait is not None and blow.resumed is not None)
     return max(seen, default=None)
+
+
+def _rate(summary: dict[str, Any]) -> float:
+    """Plans per second of wall time."""
+    seconds = summary["robot_time_s"] / (summary["real_time_factor"] or np.inf)
+    return round(summary["plans"] / seconds, 2) if seconds else 0.0
+
+
+def _grown(growths: "Sequence[Growth]") -> list[str]:
+    """Services that keep on growing."""
+    grown = []
+    for growth in growths:
+        mb, files = growth.mb[1] - growth.mb[0], growth.files[1] - growth.files[0]
+        if mb > GROWTH_MB:
+            grown.append(f"{growth.service} grew by {mb:.0f} MB")
+        if files > GROWTH_FILES:
+            grown.append(f"{growth.service} opened {files:.0f} files more")
+    return grown
 
 
 def _late(script: Script, waits: "Sequence[tuple[Blow, float | None]]") -> list[str]:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +10,16 @@ from typing import Annotated, Any
 import tyro
 
 from sumo_dist.bench.report import heading, markdown, timing_provenance
+from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import read_script
 from sumo_dist.chaos.stage import play
 from sumo_dist.chaos.verdict import Outcome
 from sumo_dist.errors import UsageError
+
+HEADS = (
+    *("script", "runs", "faults", "plans", "commands", "rate [1/s]", "rollouts", "resumed [s]"),
+    *("growth [MB]", "growth [files]", "failed"),
+)
 
 
 @dataclass(frozen=True)
@@ -56,40 +63,52 @@ def main(options: Options) -> int:
 
 
 def text(about: dict[str, Any], outcomes: list[Outcome]) -> str:
-    """Lay out the verdicts, one line a script."""
-    rows = []
-    for name in dict.fromkeys(outcome.name for outcome in outcomes):
-        runs = [outcome for outcome in outcomes if outcome.name == name]
-        waits = [run.slowest_s for run in runs if run.slowest_s is not None]
-        rows.append(
-            (
-                *(name, f"{len(runs)}", f"{sum(run.faults for run in runs)}"),
-                f"{sum(run.plans for run in runs)}",
-                f"{sum(run.commands for run in runs)}",
-                f"{max(waits):.2f}" if waits else "-",
-                f"{max(run.growth_mb for run in runs):.0f}",
-                f"{sum(1 for run in runs if run.failures)}",
-            )
-        )
+    """Lay out the verdicts, one line a script; of a single run, its services as well."""
+    names = [outcome.name for outcome in outcomes]
+    rows = [row([o for o in outcomes if o.name == n]) for n in dict.fromkeys(names)]
     faults, failed = sum(o.faults for o in outcomes), sum(1 for o in outcomes if o.failures)
-    heads = (
-        "script",
-        "runs",
-        "faults",
-        "plans",
-        "commands",
-        "resumed [s]",
-        "growth [MB]",
-        "failed",
-    )
     failures = [f"- {o.name} seed {o.seed}: {line}" for o in outcomes for line in o.failures]
     return "\n\n".join(
         (
             heading("chaos", about),
             f"{len(outcomes)} runs, {faults} faults, {sum(o.commands for o in outcomes)} commands, "
             f"{failed} runs not as they must be. Resumed: the longest wall time from a fault's end "
-            "to the next good plan. Growth: the most that a process grew in a run.",
-            markdown(heads, rows),
+            "to the next good plan. Rate: plans per second of wall time; rollouts: median a plan "
+            "(both: the least of the script's runs). Growth: the most that a process grew in the "
+            "second half of its life.",
+            markdown(HEADS, rows),
             *(["\n".join(failures)] if failures else []),
+            *([services(outcomes[0].growths)] if len(outcomes) == 1 else []),
         )
+    )
+
+
+def row(runs: list[Outcome]) -> tuple[str, ...]:
+    """Lay out the runs of one script."""
+    waits = [run.slowest_s for run in runs if run.slowest_s is not None]
+    growths = [growth for run in runs for growth in run.growths]
+    return (
+        *(runs[0].name, f"{len(runs)}", f"{sum(run.faults for run in runs)}"),
+        *(f"{sum(run.plans for run in runs)}", f"{sum(run.commands for run in runs)}"),
+        f"{min(run.rate_hz for run in runs):.1f}",
+        f"{min(run.rollouts for run in runs):g}",
+        f"{max(waits):.2f}" if waits else "-",
+        f"{max((g.mb[1] - g.mb[0] for g in growths), default=0.0):.1f}",
+        f"{max((g.files[1] - g.files[0] for g in growths), default=0.0):.0f}",
+        f"{sum(1 for run in runs if run.failures)}",
+    )
+
+
+def services(growths: Sequence[Growth]) -> str:
+    """Lay out how the services of one run have grown."""
+    heads = (
+        *("service", "lives", "longest [s]", "middle [MB]", "end [MB]"),
+        *("middle [files]", "end [files]"),
+    )
+    rows = [
+        (g.service, f"{g.lives}", f"{g.seconds:.0f}", *(f"{x:.1f}" for x in (*g.mb, *g.files)))
+        for g in growths
+    ]
+    return "Memory and open files of each service over its longest life.\n\n" + markdown(
+        heads, rows
     )

@@ -63,7 +63,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
         "partial_plans": int(np.count_nonzero(recording.lost)),
         "rollouts_lost": int(np.sum(recording.lost) + np.sum(recording.reissued)),
         "rollouts_per_plan_p50": _finite(np.percentile(recording.rollouts or [np.nan], 50)),
-        "rollouts_per_plan_min": min(recording.rollouts, default=None),
+        "rollouts_per_plan_min": _finite(min(recording.rollouts, default=np.nan)),
         "plan_age_ms_p50": _age_ms(recording, 50),
         "plan_age_ms_p99": _age_ms(recording, 99),
         "commands": recording.commands,

@@ -1,6 +1,7 @@
 """The process that draws a recording as a film; see replay.render."""
 
 import sys
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,9 @@ class _Artist:
             scene.ngeom += 1
 
 
-def _trails(task: Task, model: mujoco.MjModel, states: list[np.ndarray]) -> dict[str, np.ndarray]:
+def _trails(
+    task: Task, model: mujoco.MjModel, states: Sequence[np.ndarray]
+) -> dict[str, np.ndarray]:
     """Return the ways of robot and object, (ticks, 3) [m]."""
     referee = Referee(task, model)
     views = [referee.view(state) for state in states]

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -10,14 +11,17 @@ from zipfile import BadZipFile
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.record.rows import Rows
 
 FORMAT = 1
+_ABOUT = ("config", "commands")  # all other fields are arrays
 
 
 @dataclass
 class Recording:
-    """What happened, tick by tick and plan by plan; grows during a run.
+    """What happened, tick by tick and plan by plan; grows, on disk, during a run.
 
     Attributes:
         config: task, robot, seed, planner settings, hashes, versions, cost term names.
@@ -28,8 +32,8 @@ class Recording:
         age_ticks, lost, reissued: per plan, as in PlanReport.
         knots: per plan, (K, n) normalised actions.
         rollouts: per plan, candidates B it was made of; in realtime as many as the workers manage.
-        costs: per plan, (B,) candidates' costs, +inf where lost or invalid; on disk all plans have
-            as many as the largest, the rest +inf.
+        costs: per plan, (B,) candidates' costs, +inf where lost or invalid; where a plan had fewer
+            candidates than configured the rest is +inf as well.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
@@ -38,21 +42,21 @@ class Recording:
     """
 
     config: dict[str, Any]
-    states: list[np.ndarray] = field(default_factory=list)
-    estimates: list[np.ndarray] = field(default_factory=list)
-    memories: list[np.ndarray] = field(default_factory=list)
-    plan_numbers: list[int] = field(default_factory=list)
-    plan_ticks: list[int] = field(default_factory=list)
-    plan_ms: list[float] = field(default_factory=list)
-    age_ticks: list[int] = field(default_factory=list)
-    lost: list[int] = field(default_factory=list)
-    reissued: list[int] = field(default_factory=list)
-    rollouts: list[int] = field(default_factory=list)
-    knots: list[np.ndarray] = field(default_factory=list)
-    costs: list[np.ndarray] = field(default_factory=list)
-    terms: list[np.ndarray] = field(default_factory=list)
-    traces: list[np.ndarray] = field(default_factory=list)
-    targets: list[np.ndarray] = field(default_factory=list)
+    states: Rows = field(default_factory=Rows)
+    estimates: Rows = field(default_factory=Rows)
+    memories: Rows = field(default_factory=Rows)
+    plan_numbers: Rows = field(default_factory=Rows)
+    plan_ticks: Rows = field(default_factory=Rows)
+    plan_ms: Rows = field(default_factory=Rows)
+    age_ticks: Rows = field(default_factory=Rows)
+    lost: Rows = field(default_factory=Rows)
+    reissued: Rows = field(default_factory=Rows)
+    rollouts: Rows = field(default_factory=Rows)
+    knots: Rows = field(default_factory=Rows)
+    costs: Rows = field(default_factory=Rows)
+    terms: Rows = field(default_factory=Rows)
+    traces: Rows = field(default_factory=Rows)
+    targets: Rows = field(default_factory=Rows)
     commands: dict[str, int] = field(default_factory=dict)
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
@@ -71,8 +75,15 @@ class Recording:
         self.reissued.append(report.reissued)
         self.rollouts.append(len(report.costs))
         self.knots.append(report.plan.knots)
-        self.costs.append(np.where(report.finite, report.costs, np.inf))
+        costs = np.where(report.finite, report.costs, np.inf)
+        missing = max(0, self._candidates - len(costs))
+        self.costs.append(np.pad(costs, (0, missing), constant_values=np.inf))
         self.terms.append(report.terms)
+
+    @cached_property
+    def _candidates(self) -> int:
+        """Candidates of a plan that has all of them."""
+        return PlannerConfig.from_settings(self.config["planner"]).populations[-1]
 
     @property
     def plan_digest(self) -> str:
@@ -93,14 +104,8 @@ class Recording:
 
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
-        arrays: dict[str, Any] = {
-            name: np.array(rows)
-            for name, rows in vars(self).items()
-            if name not in ("config", "commands", "costs")
-        }
-        most = max(map(len, self.costs), default=0)
-        padded = [np.pad(c, (0, most - len(c)), constant_values=np.inf) for c in self.costs]
-        arrays["costs"] = np.array(padded)
+        names = [each.name for each in fields(self) if each.name not in _ABOUT]
+        arrays: dict[str, Any] = {name: np.array(getattr(self, name)) for name in names}
         partial = path.with_suffix(".part.npz")
         config, commands = json.dumps(self.config), json.dumps(self.commands)
         np.savez_compressed(partial, format=FORMAT, config=config, commands=commands, **arrays)
@@ -115,15 +120,11 @@ class Recording:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
                 config = json.loads(str(file["config"]))
                 commands = json.loads(str(file["commands"])) if "commands" in file else {}
-                lists = {
-                    name: list(file[name])
-                    for name in file.files
-                    if name not in ("format", "config", "commands")
-                }
+                arrays = {n: Rows(file[n]) for n in file.files if n not in ("format", *_ABOUT)}
         except FileNotFoundError:
             raise UsageError(
                 f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz"
             ) from None
         except (BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
-        return cls(config, commands=commands, **lists)
+        return cls(config, commands=commands, **arrays)

@@ -21,7 +21,7 @@ def layout(
         distance: of it to the goal at the start [m]; None if there is no goal.
         distributed: there are rollout workers to watch.
     """
-    plots = [
+    plots: list[rrb.View | rrb.Container] = [
         _plot("cost", "Cost of the candidate plans"),
         _plot("terms", "Cost terms of the current plan"),
         _plot("timing", "Planning time and plan age [ms]"),
@@ -29,7 +29,8 @@ def layout(
     if distance is not None:
         plots.insert(0, _plot("task", f"{mover.capitalize()} to goal [m]", (0.0, 1.2 * distance)))
     if distributed:
-        plots.append(_plot("workers", "Rollout workers"))
+        pace = _plot("pace", "Rollouts per second of each worker")
+        plots.append(rrb.Tabs(_plot("workers", "Rollout workers"), pace))
     scene = rrb.TextDocumentView(origin="about/scene", name="What you see")
     cost = rrb.TextDocumentView(origin="about/cost", name="What a plan costs")
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])

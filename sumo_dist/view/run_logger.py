@@ -62,6 +62,7 @@ class RunLogger:
         self._ticks: list[int] = []
         self._distances: list[float] = []
         self._arranged = False
+        self._said: dict[tuple[str, str], str] = {}  # last text by service and counter
         self._log_text("about/scene", about.scene(task, episode))
         self._log_text("about/cost", about.cost(task))
         if self._goal is not None:
@@ -102,6 +103,19 @@ class RunLogger:
     def log_workers(self, tick: int, alive: int) -> None:
         """Log how many rollout workers there are."""
         self._plot("workers/alive", tick, [alive])
+
+    def log_pace(self, tick: int, worker: str, rollouts_per_s: float) -> None:
+        """Log how fast a worker is."""
+        self._out.log(["plots", "pace", worker], rr.Scalars([rollouts_per_s]), tick=tick)
+
+    def log_health(self, tick: int, source: str, name: str, value: float | str) -> None:
+        """Log what a service tells of itself: a number as a series, a text whenever it changes."""
+        path: list[object] = ["health", source, name]
+        if not isinstance(value, str):
+            self._out.log(path, rr.Scalars([value]), tick=tick)
+        elif self._said.get((source, name)) != value:
+            self._said[source, name] = value
+            self._out.log(path, rr.TextLog(value), tick=tick)
 
     def log_candidates(self, tick: int, costs: np.ndarray, traces: np.ndarray) -> None:
         """Log the futures that a plan was chosen from.

@@ -23,6 +23,7 @@ CHUNK = 8  # rows a request when there is a deadline, so that a late worker is l
 MISSES_TO_BENCH = 2  # plans in a row without any answer before a worker is passed over
 STRIKES = 2  # refusals in a row after which a worker is left out: one may have been spoilt
 PROBE_S = 1.0  # how often a benched worker is asked again
+PACE = " rollouts/s"  # ends the name of the counter that says how fast a worker is
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
 
 
@@ -54,6 +55,8 @@ class _Worker:
     misses: int = 0
     strikes: int = 0
     asked: float = 0.0  # time.monotonic() of the last request
+    heard: float = 0.0  # likewise of the last answer
+    lost: int = 0  # rows it was asked for and did not answer in time
 
 
 @dataclass
@@ -127,14 +130,18 @@ class RemoteEvaluator:
         """Rollouts per ms of all workers that take shards, as measured on their answers."""
         return sum(self._usable().values())
 
-    def workers_health(self) -> dict[str, str]:
-        """One line a worker: its pace, and why it is passed over, if it is."""
-        lines = {}
+    def workers_health(self) -> dict[str, int | float | str]:
+        """Of each worker: whether it answers, its pace, when it was heard, and what it has lost."""
+        counters: dict[str, int | float | str] = {}
+        now = time.monotonic()
         for name, worker in list(self._workers.items()):  # another thread may be at it
             benched = "passed over" if worker.misses >= MISSES_TO_BENCH else ""
-            trouble = worker.refusal or benched or "answers"
-            lines[f"worker {name}"] = f"{worker.speed * 1e3:.0f} rollouts/s, {trouble}"[:200]
-        return lines
+            counters[f"{name} state"] = (worker.refusal or benched or "answers")[:200]
+            counters[name + PACE] = round(worker.speed * 1e3)
+            counters[f"{name} lost"] = worker.lost
+            if worker.heard:
+                counters[f"{name} silent s"] = round(now - worker.heard, 2)
+        return counters
 
     def reset_account(self, deadline: float | None) -> None:
         """Start the account of a new plan."""
@@ -235,10 +242,13 @@ class RemoteEvaluator:
             return  # the last words of one that has left
         if worker.misses >= MISSES_TO_BENCH:
             self._tell("info", f"worker {reply.worker} answers again")
-        worker.misses = 0
+        worker.misses, worker.heard = 0, time.monotonic()
         if reply.refusal:
             self._refused(job, reply)
             return
+        # From late answers too: those in time alone would make a worker look faster than it is.
+        pace = len(reply.valid) / max(reply.compute_ms, 1e-3)
+        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
         shard = job.shards.get(reply.shard)
         if shard is None or (reply.number, reply.iteration) != (job.request.number, job.iteration):
             return  # late: its plan has gone out
@@ -251,8 +261,6 @@ class RemoteEvaluator:
         shard.done, worker.strikes = True, 0
         job.terms[rows] = np.where(reply.valid[:, None], reply.terms, np.nan)
         job.valid[rows], job.answered[rows] = reply.valid, True
-        pace = shard.count / max(reply.compute_ms, 1e-3)
-        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
 
     def _refused(self, job: _Job, reply: RolloutReply, reason: str | None = None) -> None:
         worker = self._workers[reply.worker]
@@ -284,6 +292,11 @@ class RemoteEvaluator:
     def _abandon(self, shard: _Shard) -> None:
         shard.done = True
         self.reissued += shard.count
+        self._lose(shard)
+
+    def _lose(self, shard: _Shard) -> None:
+        if worker := self._workers.get(shard.worker):
+            worker.lost += shard.count
 
     def _late(self) -> bool:
         return self.deadline is not None and time.monotonic() >= self.deadline
@@ -295,7 +308,10 @@ class RemoteEvaluator:
                 self._abandon(shard)
 
     def _close(self, job: _Job) -> None:
-        """Note who did not answer at all in time."""
+        """Note what was not answered in time, and who did not answer at all."""
+        for shard in job.shards.values():
+            if not shard.done:
+                self._lose(shard)
         answered = {shard.worker for shard in job.shards.values() if shard.done}
         for name in {shard.worker for shard in job.shards.values()} - answered:
             self._miss(name)

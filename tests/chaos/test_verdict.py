@@ -15,6 +15,12 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks import load_task
 
+SUMMARY = {
+    "plans": 3,
+    "robot_time_s": 0.1,
+    "real_time_factor": 0.3,
+    "rollouts_per_plan_p50": 10.0,
+}
 SCRIPT = Script((Fault("kill", 1, "local-0"),))
 
 
@@ -34,14 +40,14 @@ def judged(recording, tmp_path):
 
     def judged(end, blows, script=SCRIPT, without=None, until=20.0):
         (tmp_path / "messages.txt").write_text("")
-        (tmp_path / "summary.json").write_text(json.dumps({"end_reason": end, "plans": 3}))
+        (tmp_path / "summary.json").write_text(json.dumps(SUMMARY | {"end_reason": end}))
         recording.save(tmp_path / "run.npz")
 
         def undisturbed():
             assert without is not None, "it was played for nothing"
             return without
 
-        return judge(script, blows, 1, tmp_path, 0.0, {}, until, undisturbed)
+        return judge(script, blows, 1, tmp_path, (), {}, until, undisturbed)
 
     return judged
 

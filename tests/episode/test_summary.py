@@ -1,13 +1,16 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from sumo_dist.episode.summary import Ending, one_line, read_summary, summarise, write_summary
 from sumo_dist.errors import SumoError
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan, anchor_tick
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.rows import Rows
 
 CONFIG = {
     "task_name": "spot/move_box",
@@ -17,6 +20,7 @@ CONFIG = {
     "clock": "lockstep",
     "seed": 3,
     "config_hash": "0123",
+    "planner": asdict(PlannerConfig()),
     "versions": {"sumo-dist": "0"},
 }
 
@@ -26,7 +30,7 @@ def recording():
     """51 ticks, and plans 0, 1, 2 and 5 of 10, 20, 30 and 40 ms."""
     recording = Recording(CONFIG)
     for tick in range(51):
-        recording.add_tick(np.full(3, tick), np.full(3, tick), np.zeros(2, np.float32))
+        recording.add_tick(np.full(3, 1.0 * tick), np.full(3, 1.0 * tick), np.zeros(2, np.float32))
     for number, lost, reissued in ((0, 0, 0), (1, 4, 0), (2, 0, 0), (5, 0, 8)):
         knots = np.zeros((4, 9), np.float32)
         plan = Plan(number, anchor_tick(number), knots, 1.5, "linear")
@@ -61,7 +65,7 @@ def test_a_solved_run_has_a_completion_time(recording):
     assert summary["completion_time_s"] == summary["robot_time_s"] == 1.0
     assert summary["real_time_factor"] == 0.25
     renamed = {"task": CONFIG["task_name"], **CONFIG}
-    del renamed["task_name"]
+    del renamed["task_name"], renamed["planner"]
     assert {key: summary[key] for key in renamed} == renamed
 
 
@@ -84,7 +88,8 @@ def test_the_account_counts_what_was_lost(recording):
 
 
 def test_the_line_of_a_clean_run_has_no_troubles(recording):
-    recording.plan_numbers[-1], recording.lost[1], recording.reissued[-1] = 3, 0, 0
+    recording.plan_numbers = Rows(range(4))
+    recording.lost = recording.reissued = Rows([0, 0, 0, 0])
     line = one_line(summarise(recording, Ending("success", 2.0)))
     assert "solved in 1.0 s, 4 plans of 25 ms" in line
     assert line.endswith("0.50x real time, cem on native-avx2")
@@ -103,8 +108,10 @@ def test_digests_name_the_bits(recording):
     before = summarise(recording, Ending("timeout", 1.0))
     again = summarise(recording, Ending("timeout", 1.0))
     assert before["plan_digest"] == again["plan_digest"]
-    recording.knots[2] = np.nextafter(recording.knots[2], np.float32(1))
-    recording.states[7] = np.nextafter(recording.states[7], 1e9)
+    knots, states = np.array(recording.knots), np.array(recording.states)
+    knots[2, 0, 0] = np.nextafter(knots[2, 0, 0], np.float32(1))
+    states[7, 0] = np.nextafter(states[7, 0], 1e9)
+    recording.knots, recording.states = Rows(knots), Rows(states)
     after = summarise(recording, Ending("timeout", 1.0))
     assert after["plan_digest"] != before["plan_digest"]
     assert after["state_digest"] != before["state_digest"]

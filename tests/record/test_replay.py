@@ -8,6 +8,7 @@ from sumo_dist.episode.referee import FALL_S
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.record.replay import to_rrd
+from sumo_dist.record.rows import Rows
 from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
 
@@ -67,11 +68,11 @@ def test_a_long_run_shows_the_candidates_of_every_so_many_plans(short_run, tmp_p
     to_rrd(short_run, tmp_path / "run.rrd", candidates_limit=size // 2)
     samples = read_rrd(tmp_path / "run.rrd").timed["/world/plan/samples"]
     shown = [round(t.total_seconds() / 0.02) for t in samples["sim_time"]]
-    assert shown == short_run.plan_ticks[::2]
+    assert shown == short_run.plan_ticks[::2].tolist()
 
 
 def test_a_run_without_traces_shows_the_rest(short_run, tmp_path, read_rrd):
-    to_rrd(replace(short_run, traces=[]), tmp_path / "run.rrd")
+    to_rrd(replace(short_run, traces=Rows()), tmp_path / "run.rrd")
     timed = read_rrd(tmp_path / "run.rrd").timed
     assert "/world/plan/samples" not in timed
     assert len(timed["/plots/timing"]["sim_time"]) == len(short_run.plan_ticks)

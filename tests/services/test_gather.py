@@ -310,6 +310,28 @@ def test_faster_workers_get_more_rows(party):
     assert sum(len(asked.knots) for asked in fast.asked[-1:]) >= 9
 
 
+def test_answers_that_come_too_late_tell_how_slow_a_worker_is(party):
+    slow = party.join("slow", silent)
+    party.evaluate(0, deadline_s=0.05)
+    believed = party.evaluator.pace
+    with party.news():
+        slow.bus.publish(answer(slow.asked[0], compute_ms=1000.0))
+    party.evaluate(1, deadline_s=0.05)
+    assert party.evaluator.pace < 0.9 * believed
+
+
+def test_tells_of_each_worker_what_it_does_and_loses(party):
+    party.join("w-1")
+    party.evaluate(0)
+    party.join("mute", silent)
+    party.evaluate(1, deadline_s=0.3)
+    told = party.evaluator.workers_health()
+    assert (told["w-1 state"], told["w-1 lost"]) == ("answers", 0)
+    assert told["w-1 silent s"] < 10
+    assert told["mute lost"] > 0
+    assert "mute silent s" not in told  # it never said anything
+
+
 def test_says_that_it_was_told_to_stop(party):
     threading.Timer(0.2, party.stop.set).start()
     with pytest.raises(Interrupted):

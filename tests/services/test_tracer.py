@@ -14,7 +14,7 @@ from sumo_dist.services.tracer import Backlog, Candidates, TracerOptions, run
 from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Event, PlanMessage, RunEnd, State, Traces
+from sumo_dist.wire.messages import Event, Health, PlanMessage, RunEnd, State, Traces
 from sumo_dist.wire.session import open_router
 
 ROLLOUTS, TERMS = 6, 3
@@ -134,6 +134,10 @@ def publish_run(bus, ticks=13):
     time.sleep(0.02)
     bus.publish(Event("r", "optimizer", "warning", "a plan was late"))
     time.sleep(0.02)
+    for lost in (0, 8):
+        told = {"w state": "answers", "w rollouts/s": 300, "w lost": lost}
+        bus.publish(Health("r", "optimizer", "realtime", told))
+        time.sleep(0.02)
 
 
 def end_run(bus, thread, reason="success"):
@@ -159,6 +163,9 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
     assert list(elites[::2, 0, 0]) == [5, 4, 3]  # the cheapest are the last
     assert len(timed["/plots/cost"]["sim_time"]) == 3
     assert timed["/plots/workers/alive"]["Scalars:scalars"][-1] == [1.0]
+    assert timed["/plots/pace/w"]["Scalars:scalars"] == [[300.0], [300.0]]
+    assert timed["/health/optimizer/w\\ lost"]["Scalars:scalars"] == [[0.0], [8.0]]
+    assert timed["/health/optimizer/w\\ state"]["TextLog:text"] == [["answers"]]
     texts = [text[0] for text in timed["/events"]["TextLog:text"]]
     assert sorted(texts) == ["optimizer: a plan was late", "the run has ended: success"]
 

@@ -1,0 +1,79 @@
+"""Arrays that come one by one for hours, in little memory."""
+
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+SPILL_BYTES = 1_000_000  # rows of so much move to the file
+
+
+class Rows(Sequence[Any]):
+    """A growing array, appended row by row; all rows have the shape and type of the first.
+
+    What was appended long ago rests in an unnamed file in the folder for temporary files (TMPDIR),
+    which is gone when the process is. Where no file can be written the rows stay in memory.
+    """
+
+    def __init__(self, rows: Iterable[Any] = ()) -> None:
+        """Start with some rows."""
+        self._fresh: list[np.ndarray] = []
+        self._file: Any = None  # of bytes
+        self._resting = 0  # rows in the file
+        self._spills = True
+        for row in rows:
+            self.append(row)
+
+    def append(self, row: Any) -> None:
+        """Append a copy of a row.
+
+        Raises:
+            ValueError: its shape is not that of the rows before.
+        """
+        kind = self._fresh[0] if self._fresh else np.asarray(row)
+        fresh = np.array(row, kind.dtype)
+        if fresh.shape != kind.shape:
+            raise ValueError(f"a row of shape {fresh.shape} among rows of shape {kind.shape}")
+        self._fresh.append(fresh)
+        if self._spills and len(self._fresh) > 1 + SPILL_BYTES // max(fresh.nbytes, 1):
+            self._spill()
+
+    def _spill(self) -> None:
+        """Move all fresh rows but the last, which shows what a row is like, to the file."""
+        *moving, last = self._fresh
+        try:
+            self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115  # lives as we do
+            self._file.seek(self._resting * last.nbytes)
+            self._file.write(np.array(moving).tobytes())
+            self._file.flush()
+        except OSError:  # a full disk costs memory, not rows
+            self._spills = False
+            return
+        self._resting += len(moving)
+        self._fresh = [last]
+
+    def __len__(self) -> int:
+        return self._resting + len(self._fresh)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return np.array(self)[index]
+        row = range(len(self))[index]
+        if row >= self._resting:
+            return self._fresh[row - self._resting][()]
+        return np.array(self._rested()[row])[()]
+
+    def __iter__(self) -> Iterator[Any]:
+        if self._resting:
+            yield from self._rested()
+        yield from (row[()] for row in self._fresh)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """Return all rows, (len(self), ...)."""
+        fresh = np.array(self._fresh, dtype)
+        return np.concatenate([self._rested(), fresh]) if self._resting else fresh
+
+    def _rested(self) -> np.ndarray:
+        kind = self._fresh[0]
+        return np.memmap(self._file, kind.dtype, "r", shape=(self._resting, *kind.shape))

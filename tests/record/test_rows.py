@@ -1,0 +1,77 @@
+import errno
+import tempfile
+
+import numpy as np
+import pytest
+
+from sumo_dist.record import rows
+from sumo_dist.record.rows import Rows
+
+
+@pytest.fixture(params=[10_000_000, 500], ids=["in memory", "on disk"])
+def grown(request, monkeypatch):
+    """100 rows of (2, 3), some of them in a file."""
+    monkeypatch.setattr(rows, "SPILL_BYTES", request.param)
+    expected = np.random.default_rng(0).normal(size=(100, 2, 3))
+    return Rows(expected), expected
+
+
+def test_holds_what_was_appended(grown):
+    found, expected = grown
+    assert len(found) == 100
+    np.testing.assert_array_equal(np.array(found), expected)
+    np.testing.assert_array_equal(list(found), expected)
+    np.testing.assert_array_equal(found[3:70], expected[3:70])
+    for at in (0, 42, 99, -1, -100):
+        np.testing.assert_array_equal(found[at], expected[at])
+    with pytest.raises(IndexError):
+        found[100]
+
+
+def test_grows_on_after_it_was_read(grown):
+    found, expected = grown
+    np.array(found)
+    for row in expected:
+        found.append(row)
+    np.testing.assert_array_equal(np.array(found), np.concatenate([expected, expected]))
+
+
+def test_memory_holds_no_more_than_what_has_not_moved(monkeypatch):
+    monkeypatch.setattr(rows, "SPILL_BYTES", 500)
+    found = Rows(np.zeros((1000, 6)))
+    assert len(found._fresh) * 48 <= 500 + 2 * 48
+
+
+def test_numbers_are_rows_too():
+    found = Rows([3, 4, 5])
+    assert list(found) == [3, 4, 5]
+    assert np.sum(found) == 12
+    assert np.array(found).dtype == np.int64
+
+
+def test_a_row_is_a_copy():
+    row = np.zeros(3)
+    found = Rows([row])
+    row[0] = 1.0
+    assert found[0][0] == 0.0
+
+
+def test_a_row_of_another_shape_is_refused():
+    with pytest.raises(ValueError, match=r"shape \(2,\) among rows of shape \(3,\)"):
+        Rows([np.zeros(3), np.zeros(2)])
+
+
+def test_without_rows():
+    assert not Rows()
+    assert np.array(Rows()).size == 0
+    assert list(Rows()) == []
+
+
+def test_a_full_disk_costs_memory_and_no_rows(monkeypatch):
+    def full():
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(rows, "SPILL_BYTES", 500)
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    expected = np.arange(300.0).reshape(100, 3)
+    np.testing.assert_array_equal(np.array(Rows(expected)), expected)
