@@ -18,7 +18,7 @@ import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError
 
-RANGE = ipaddress.ip_network("169.254.0.0/16")  # of links that nobody routes
+RANGE = ipaddress.IPv4Network("169.254.0.0/16")  # of links that nobody routes
 _COMMAND_S = 10.0
 
 
@@ -97,7 +97,7 @@ class Cable:
         routes = json.loads(self._run("-j", "-4", "route", "show", "table", "all") or "[]")
         named = (route.get("dst", "") for route in routes)
         return [
-            ipaddress.ip_network(name, strict=False)
+            ipaddress.IPv4Network(name, strict=False)
             for name in named
             if name not in ("", "default")
         ]

@@ -96,10 +96,10 @@ def test_what_is_missing_is_one_clear_error(monkeypatch, platform, user, tool, m
 
 
 def test_a_free_network_overlaps_no_other():
-    taken = [ipaddress.ip_network("169.254.0.0/17"), ipaddress.ip_network("10.0.0.0/8")]
+    taken = [ipaddress.IPv4Network("169.254.0.0/17"), ipaddress.ip_network("10.0.0.0/8")]
     for _ in range(20):
         network = free_network(taken)
-        assert network.subnet_of(ipaddress.ip_network("169.254.128.0/17"))
+        assert network.subnet_of(ipaddress.IPv4Network("169.254.128.0/17"))
         assert len(list(network.hosts())) == 2
     with pytest.raises(SumoError, match="no free network"):
-        free_network([ipaddress.ip_network("169.254.0.0/16")])
+        free_network([ipaddress.IPv4Network("169.254.0.0/16")])
