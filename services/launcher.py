@@ -27,12 +27,15 @@ class Service:
         command: subcommand of sumo-dist.
         options: its options as a dataclass.
         vital: the run cannot go on without it.
+        prefix: command that becomes the service's in the same process, such as `env` or `ip netns
+            exec`.
     """
 
     name: str
     command: str
     options: Any
     vital: bool = True
+    prefix: tuple[str, ...] = ()
 
 
 def flags(options: Any, prefix: str = "") -> Iterator[str]:
@@ -55,17 +58,20 @@ class Launcher:
         """Start with none."""
         self._poll_s = poll_s
         self._services: dict[str, tuple[Service, subprocess.Popen[bytes]]] = {}
+        self._started: list[subprocess.Popen[bytes]] = []
         self._noted: set[str] = set()
 
     def start(self, service: Service) -> subprocess.Popen[bytes]:
         """Start a service in a process group of its own: Ctrl-C reaches only the launcher."""
+        python = (sys.executable, "-P", "-m", "sumo_dist")
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "sumo_dist", service.command, *flags(service.options)],
+            [*service.prefix, *python, service.command, *flags(service.options)],
             stdin=subprocess.DEVNULL,
             start_new_session=True,
             env={**os.environ, PARENT: str(os.getpid())},
         )
         self._services[service.name] = service, process
+        self._started.append(process)
         return process
 
     def wait_for(self, name: str) -> int:
@@ -108,6 +114,18 @@ class Launcher:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)  # with what it has started itself
                 process.wait()
+        for process in self._started:
+            if (process.poll() or 0) < 0:  # killed: what it has started itself lives on
+                _end_group(process.pid)
+
+
+def _end_group(leader: int) -> None:
+    """Kill what is left of the process group of a leader that has ended."""
+    with suppress(ProcessLookupError, PermissionError):  # nothing is left
+        try:
+            os.kill(leader, 0)  # a group's number is not given away, unless nothing is left of it
+        except ProcessLookupError:
+            os.killpg(leader, signal.SIGKILL)
 
 
 def _cause(code: int) -> str:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -94,13 +94,19 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
 
 
 class Feed:
-    """Joins the robot's status with the state of the same tick; hands out each newest pair once."""
+    """Joins the robot's status with the state of the same tick; hands out each newest pair once.
+
+    A realtime run's speed counts once two statuses in a row have said it: it decides how long a
+    plan waits for lost answers, and where it is anchored, so one that lies would stop planning.
+    """
 
     def __init__(self, bus: Bus) -> None:
         """Subscribe."""
         self._arrived = threading.Condition()
         self._states: dict[int, State] = {}
         self._status: Status | None = None
+        self._heard = (-1, 0.0)  # tick and speed of the last realtime status
+        self._speed = 0.0  # that two in a row have said
         bus.subscribe(State, self._on_state)
         bus.subscribe(Status, self._on_status)
 
@@ -129,6 +135,12 @@ class Feed:
 
     def _on_status(self, status: Status) -> None:
         with self._arrived:
+            if status.clock == "realtime":
+                tick, speed = self._heard
+                if status.speed == speed and status.tick != tick:  # not the same one twice
+                    self._speed = speed
+                self._heard = status.tick, status.speed
+                status = replace(status, speed=self._speed)
             self._status = status
             self._arrived.notify_all()
 

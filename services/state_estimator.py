@@ -21,6 +21,7 @@ from sumo_dist.wire.messages import Sensors, State
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 SILENCE_S = 0.5  # after it, readings of the first tick are those of a robot that was started again
+JUMP = 50  # ticks; readings from further off count once two in a row are from there
 
 log = logging.getLogger("sumo_dist.estimator")
 
@@ -72,6 +73,7 @@ class Desk:
         self._estimate = make_estimator(estimator, model)
         self._newest: State | None = None
         self._heard = 0.0  # time.monotonic() of the last readings
+        self._odd = -1  # tick of the last readings, if they came from far off
         self._failures = 0
 
     def health(self) -> tuple[str, Counters]:
@@ -87,6 +89,14 @@ class Desk:
         self._heard = now
         if newest is None or sensors.run != newest.run or again:
             self._estimate, newest = make_estimator(self._kind, self._model), None
+        elif abs(sensors.tick - newest.tick) <= JUMP:
+            self._odd = -1
+        elif self._is_confirmed(sensors.tick):
+            self._estimate, newest = make_estimator(self._kind, self._model), None
+        else:
+            self._failures += 1
+            log.error("readings of tick %d after tick %d: dropped", sensors.tick, newest.tick)
+            return None
         if newest is None or sensors.tick > newest.tick:
             try:
                 state = self._estimate(_readings(sensors))
@@ -99,6 +109,14 @@ class Desk:
                 return None
             self._newest = newest = State(sensors.run, sensors.tick, state)
         return newest if sensors.tick == newest.tick else None
+
+    def _is_confirmed(self, tick: int) -> bool:
+        """Whether the readings before came from as far off: one that lies would keep out all."""
+        before, self._odd = self._odd, tick
+        confirmed = before >= 0 and abs(tick - before) <= JUMP
+        if confirmed:
+            self._odd = -1
+        return confirmed
 
 
 def _readings(sensors: Sensors) -> Readings:

@@ -9,7 +9,11 @@ from typing import Any
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.wire.mangle import RULES, Rule
 
-PROCESS_FAULTS = ("kill", "freeze")
+PROCESS_FAULTS = ("kill", "freeze", "disk")
+HOST_FAULTS = ("clock", "unplug")
+KINDS = (*PROCESS_FAULTS, *HOST_FAULTS, *RULES)
+VIEWER = "viewer"  # a target that is no service: the tracer's child
+VIEWERS = ("", "web")
 
 
 @dataclass(frozen=True)
@@ -17,14 +21,17 @@ class Fault:
     """Something that goes wrong, once or again and again.
 
     Attributes:
-        kind: "kill" (SIGKILL; the service is started again), "freeze" (SIGSTOP, then SIGCONT), or a
-            rule of the mangler.
-        target: the service it happens to; of the mangler's rules, all that are behind it.
+        kind: of a process, "kill" (SIGKILL; a service is started again, "viewer" is not), "freeze"
+            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "clock"
+            (the wall clock of all services jumps, and back); "unplug" (the cable to those that are
+            apart); or a rule of the mangler.
+        target: the process it happens to; of the other kinds, all whom they concern.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
         every: plans until it begins again.
         times: how often it happens.
         share, topics, delay_ms, jitter_ms: of a rule, see wire.mangle.
+        jump_s: by which a wall clock goes ahead [s].
     """
 
     kind: str
@@ -37,12 +44,15 @@ class Fault:
     topics: tuple[str, ...] = ()
     delay_ms: float = 0.0
     jitter_ms: float = 0.0
+    jump_s: float = 3600.0
 
     def __post_init__(self) -> None:
-        if self.kind not in (*PROCESS_FAULTS, *RULES):
-            raise unknown("fault", self.kind, (*PROCESS_FAULTS, *RULES))
+        if self.kind not in KINDS:
+            raise unknown("fault", self.kind, KINDS)
         if self.is_process and not self.target:
             raise UsageError(f"fault {self.kind!r} needs a target")
+        if self.target == VIEWER and self.kind != "kill":
+            raise UsageError(f"a viewer can only be killed, not {self.kind!r}")
         if not 0 <= self.lasts <= 60:
             raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
         if self.times < 1 or self.every < 1 or self.after_plan < 0:
@@ -50,8 +60,13 @@ class Fault:
 
     @property
     def is_process(self) -> bool:
-        """Whether it happens to a process; else it happens to messages."""
+        """Whether it happens to a process."""
         return self.kind in PROCESS_FAULTS
+
+    @property
+    def is_message(self) -> bool:
+        """Whether it happens to messages."""
+        return self.kind in RULES
 
     @property
     def rule(self) -> Rule:
@@ -76,6 +91,8 @@ class Script:
         workers: rollout workers.
         settings: of the planner, as key=value.
         behind: services that dial the mangler's router; all others are on its other side.
+        apart: services in a network of their own, at the other end of a cable.
+        viewer: "web", or "" for a run without tracer and viewer.
         ends: how the run may end; other ends are failures.
         resumes: wall time from a fault's end to the next good plan, at most [s].
         wait: how long the robot waits for an answer in lockstep [s].
@@ -92,6 +109,8 @@ class Script:
     workers: int = 2
     settings: tuple[str, ...] = ("rollouts=10", "horizon=0.4")
     behind: tuple[str, ...] = ()
+    apart: tuple[str, ...] = ()
+    viewer: str = ""
     ends: tuple[str, ...] = ("timeout", "success")
     resumes: float = 1.0
     wait: float = 30.0
@@ -99,8 +118,17 @@ class Script:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "count", sum(fault.times for fault in self.faults))
-        if not self.behind and any(not fault.is_process for fault in self.faults):
+        kinds, targets = {f.kind for f in self.faults}, {f.target for f in self.faults}
+        if not self.behind and not kinds.isdisjoint(RULES):
             raise UsageError(f"{self.name}: faults of messages need services behind the mangler")
+        if "unplug" in kinds and not self.apart:
+            raise UsageError(f"{self.name}: fault 'unplug' needs services that are apart")
+        if self.apart and self.behind:
+            raise UsageError(f"{self.name}: services are either apart or behind the mangler")
+        if self.viewer not in VIEWERS:
+            raise UsageError(f'{self.name}: viewer must be "web" or "", got {self.viewer!r}')
+        if VIEWER in targets and not self.viewer:
+            raise UsageError(f'{self.name}: there is no viewer to kill without viewer = "web"')
 
 
 def read_script(path: Path) -> Script:

@@ -10,13 +10,24 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
+from sumo_dist.chaos.blow import Blow
+from sumo_dist.chaos.cable import Cable
 from sumo_dist.chaos.census import Census
-from sumo_dist.chaos.script import Fault, Script
+from sumo_dist.chaos.clock import WallClock
+from sumo_dist.chaos.processes import (
+    check_disks_can_fill,
+    children,
+    fill_disk,
+    free_disk,
+    kill_children,
+)
+from sumo_dist.chaos.script import VIEWER, Script
 from sumo_dist.chaos.verdict import Outcome, judge
 from sumo_dist.commands import serve
 from sumo_dist.commands.distributed import Crew, services
@@ -28,28 +39,11 @@ from sumo_dist.services.launcher import Launcher, Service
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.mangle import Mangler
-from sumo_dist.wire.messages import PlanMessage
+from sumo_dist.wire.messages import PlanMessage, RunEnd
 
 PATIENCE_S = 180.0  # for a whole run, beside twice the time it takes by its clock
 START_S = 30.0  # a router is up by then, on a busy machine as well
 ROUTERS = ("router", "far-router")
-
-
-@dataclass
-class Blow:
-    """One fault as it happened.
-
-    Attributes:
-        fault: which.
-        began, ended: wall time [s] of time.monotonic(); a killed service's fault ends when it is
-            seen alive again.
-        resumed: wall time at which the next good plan came; None if none did.
-    """
-
-    fault: Fault
-    began: float
-    ended: float | None = None
-    resumed: float | None = None
 
 
 def episode_of(script: Script) -> EpisodeConfig:
@@ -77,7 +71,10 @@ def play(script: Script, keep: Path | None = None) -> Outcome:
             code = stage.run()
         growths = tuple(stage.census.growths())
         (out / "census.csv").write_text(stage.census.table())
-        outcome = judge(script, stage.blows, code, out, growths, dict(stage.mangled))
+        outcome = judge(
+            *(script, stage.blows, code, out, growths, dict(stage.mangled)),
+            *(stage.over, lambda: play(replace(script, faults=())).end),
+        )
         if keep is not None:
             shutil.copytree(out, keep, dirs_exist_ok=True)
         return outcome
@@ -93,6 +90,9 @@ class Stage:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._newest, self._good = -1, 0.0  # number and arrival of plans
         self.blows: list[Blow] = []
+        self._wall: WallClock | None = None
+        self._cable: Cable | None = None
+        self.over: float | None = None  # when the robot said that the run is over
         self.census = Census()
         self.mangled: Counter[str] = Counter()
 
@@ -104,7 +104,8 @@ class Stage:
             raise
 
     def _entered(self) -> "Stage":
-        near, far = _free_endpoint(), _free_endpoint()
+        host = self._prepare()
+        near, far = _free_endpoint(host), _free_endpoint()
         planned = self._planned(near)
         self._launcher = self._stack.enter_context(Launcher())
         self._start(Service("router", "router", serve.Router(near)))
@@ -115,11 +116,31 @@ class Stage:
         self._bus = self._stack.enter_context(Bus.dial(near, "spot", timeout=START_S))
         self._alive = self._bus.watch()
         self._bus.subscribe(PlanMessage, self._on_plan)
+        self._bus.subscribe(RunEnd, self._on_end)
         for service in planned:
             behind = service.name in self._script.behind
             options = replace(service.options, connect=far) if behind else service.options
-            self._start(replace(service, options=options))
+            apart = self._cable.prefix if self._cable and service.name in self._script.apart else ()
+            self._start(replace(service, options=options, prefix=apart))
         return self
+
+    def _prepare(self) -> str:
+        """Make what the faults need; return the address that all services reach.
+
+        Raises:
+            UsageError: this machine or this user cannot make it.
+        """
+        script, kinds = self._script, {fault.kind for fault in self._script.faults}
+        if script.viewer and find_spec("rerun") is None:
+            raise UsageError(f"{script.name} has a viewer: pip install 'sumo-dist[view]'")
+        if "disk" in kinds:
+            check_disks_can_fill()
+        if "clock" in kinds:
+            self._wall = self._stack.enter_context(WallClock())
+        if script.apart:
+            self._cable = self._stack.enter_context(Cable())
+            return self._cable.host
+        return "127.0.0.1"
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
@@ -128,10 +149,20 @@ class Stage:
         """Services of the run; raises, before any is started, if the script names another."""
         script = self._script
         speed = script.speed if script.clock == "realtime" else None
-        crew = Crew(episode_of(script), script.workers, 1, self._out, None, speed, script.wait)
+        crew = Crew(
+            episode_of(script),
+            script.workers,
+            1,
+            self._out,
+            script.viewer or None,
+            speed,
+            script.wait,
+        )
         planned = list(services(crew, endpoint))
-        valid = [*(service.name for service in planned), "router"]
-        for name in (*script.behind, *(f.target for f in script.faults if f.is_process)):
+        valid = [service.name for service in planned]
+        targets = [*valid, "router", *([VIEWER] if script.viewer else [])]
+        placed = [(name, valid) for name in (*script.behind, *script.apart)]
+        for name, valid in (*placed, *((f.target, targets) for f in script.faults if f.is_process)):
             if name not in valid:
                 raise UsageError(f"{script.name}: no service {name!r}; valid: {', '.join(valid)}")
         return planned
@@ -148,7 +179,7 @@ class Stage:
             if time.monotonic() > deadline:
                 return None
             now = time.monotonic()
-            while todo and self._newest >= todo[0][0]:
+            while todo and self._newest >= todo[0][0] and self._is_there(todo[0][1].target):
                 blow = Blow(todo.pop(0)[1], now)
                 self._begin(blow)
                 over.append((now + blow.fault.lasts, blow))
@@ -163,32 +194,54 @@ class Stage:
 
     def _start(self, service: Service) -> None:
         self._services[service.name] = service
-        self._running[service.name] = self._launcher.start(service)
+        wall = self._wall.prefix if self._wall else ()
+        dressed = replace(service, prefix=(*service.prefix, *wall))
+        self._running[service.name] = self._launcher.start(dressed)
+
+    def _is_there(self, target: str) -> bool:
+        """Whether a fault has something to happen to: a viewer opens after all services."""
+        return target != VIEWER or bool(children(self._running["tracer"].pid))
 
     def _begin(self, blow: Blow) -> None:
         fault = blow.fault
-        if fault.kind == "kill":
-            self._running[fault.target].kill()
-            self._running[fault.target].wait()
-        elif fault.kind == "freeze":
-            self._running[fault.target].send_signal(signal.SIGSTOP)
-        else:
-            self._set_rules(adding=blow)
+        match fault.kind:
+            case "kill" if fault.target == VIEWER:
+                kill_children(self._running["tracer"].pid)
+            case "kill":
+                self._running[fault.target].kill()
+                self._running[fault.target].wait()
+            case "freeze":
+                self._running[fault.target].send_signal(signal.SIGSTOP)
+            case "disk":
+                fill_disk(self._running[fault.target].pid)
+            case "clock" if self._wall:
+                self._wall.jump(fault.jump_s)
+            case "unplug" if self._cable:
+                self._cable.unplug()
+            case _:
+                self._set_rules(adding=blow)
 
     def _end(self, blow: Blow) -> None:
         fault = blow.fault
-        if fault.kind == "kill":
-            self._start(self._services[fault.target])
-            return  # it is over once the service is there again: see _follow
-        if fault.kind == "freeze":
-            self._running[fault.target].send_signal(signal.SIGCONT)
+        match fault.kind:
+            case "kill" if fault.target != VIEWER:
+                self._start(self._services[fault.target])
+                return  # it is over once the service is there again: see _follow
+            case "freeze":
+                self._running[fault.target].send_signal(signal.SIGCONT)
+            case "disk":
+                free_disk(self._running[fault.target].pid)
+            case "clock" if self._wall:
+                self._wall.jump(0.0)
+            case "unplug" if self._cable:
+                self._cable.plug_in()
         blow.ended = time.monotonic()
-        if not fault.is_process:
+        if fault.is_message:
             self._set_rules()
 
     def _set_rules(self, adding: Blow | None = None) -> None:
         blows = [*self.blows, *([adding] if adding else [])]
-        rules = [b.fault.rule for b in blows if not b.fault.is_process and b.ended is None]
+        rules = [b.fault.rule for b in blows if b.fault.is_message and b.ended is None]
         self._mangler.set(tuple(rules))
 
     def _follow(self) -> None:
@@ -212,19 +265,22 @@ class Stage:
             if not message.failed:
                 self._good = time.monotonic()
 
+    def _on_end(self, _message: RunEnd) -> None:
+        self.over = self.over or time.monotonic()
 
-def _free_endpoint() -> str:
+
+def _free_endpoint(host: str = "127.0.0.1") -> str:
     """An endpoint below the ports that systems hand out to others between now and its use."""
     while True:
         port = int(np.random.default_rng().integers(15_000, 32_000))
         with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) != 0:
-                return f"tcp/127.0.0.1:{port}"
+            if probe.connect_ex((host, port)) != 0:
+                return f"tcp/{host}:{port}"
 
 
 def _names(member: Member, service: str) -> bool:
-    roles = {"optimizer": "optimizer", "state-estimator": "estimator", "robot-interface": "robot"}
-    return member.role == roles.get(service) or member.id == service
+    roles = {"state-estimator": "estimator", "robot-interface": "robot"}
+    return member.role == roles.get(service, service) or member.id == service
 
 
 def _answers(endpoint: str) -> bool:

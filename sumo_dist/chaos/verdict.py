@@ -1,15 +1,17 @@
 """What a run under faults must have been like."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sumo_dist.chaos.blow import waited
 from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import Script
 from sumo_dist.episode.single import run_single
-from sumo_dist.episode.summary import read_summary
+from sumo_dist.episode.summary import FAULTS, read_summary
 from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.robot import Robot
@@ -19,7 +21,7 @@ from sumo_dist.tasks import load_task
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sumo_dist.chaos.stage import Blow
+    from sumo_dist.chaos.blow import Blow
 
 GROWTH_MB = 40.0  # in the second half of a life of seconds: a slow start ends there, no leak does
 GROWTH_FILES = 20  # likewise: reconnecting opens some for a moment
@@ -37,12 +39,14 @@ class Outcome:
         end: how the run ended.
         plans: made.
         commands: joint targets sent.
-        slowest_s: longest wall time from a fault's end to the next good plan; None without any.
+        slowest_s: longest wall time from a fault's end, and that of all that overlap it, to the
+            next good plan; None without any.
         rate_hz: plans per second of wall time, while the robot's clock ran.
         rollouts: median per plan.
         growths: of the services that lived long enough.
         mangled: messages by what was done to them.
         failures: what was not as it must be; empty if all was.
+        undisturbed: how the same run ended without faults, if this one fell; else "".
     """
 
     name: str
@@ -57,6 +61,7 @@ class Outcome:
     growths: tuple[Growth, ...]
     mangled: dict[str, int]
     failures: tuple[str, ...]
+    undisturbed: str = ""
 
 
 def judge(
@@ -66,63 +71,60 @@ def judge(
     out: Path,
     growths: tuple[Growth, ...],
     mangled: dict[str, int],
+    until: float | None,
+    undisturbed: Callable[[], str],
 ) -> Outcome:
-    """Compare a run with what it must be like."""
-    failures = []
+    """Compare a run with what it must be like.
+
+    Args:
+        script: that was played.
+        blows: its faults as they happened.
+        code: the robot's exit code, None if it hangs.
+        out: the run's folder.
+        growths, mangled: see Outcome.
+        until: time.monotonic() at which the run ended, None if nobody heard of it.
+        undisturbed: plays the same run without faults and returns how it ended.
+    """
+    nothing = (0, 0, None, 0.0, 0.0, growths, mangled)
     if code is None:
-        return Outcome(
-            *(
-                script.name,
-                script.seed,
-                len(blows),
-                "it hangs",
-                0,
-                0,
-                None,
-                0.0,
-                0.0,
-                growths,
-                mangled,
-            ),
-            ("it hangs",),
-        )
+        return Outcome(script.name, script.seed, len(blows), "it hangs", *nothing, ("it hangs",))
+    failures = []
     if crash := crashed((out / "messages.txt").read_text(errors="replace")):
         failures.append(f"a service crashed: {crash}")
     try:
         summary, recording = read_summary(out), Recording.load(out / "run.npz")
     except SumoError as error:
+        failures.append(str(error))
         return Outcome(
-            *(
-                script.name,
-                script.seed,
-                len(blows),
-                f"exit code {code}",
-                0,
-                0,
-                None,
-                0.0,
-                0.0,
-                growths,
-                mangled,
-            ),
-            (*failures, str(error)),
+            *(script.name, script.seed, len(blows), f"exit code {code}", *nothing), tuple(failures)
         )
-    if not summary["end_reason"].startswith(script.ends):
-        failures.append(f"it ended: {summary['end_reason']}")
-    if len(blows) < script.count:
-        failures.append(f"{len(blows)} of {script.count} faults happened before it ended")
+    end = summary["end_reason"]
+    fell = end == "fell" and script.clock == "realtime"
+    alone = undisturbed() if fell and script.faults else ""
+    if alone != end:
+        failures += _other_end(script, end, alone, len(blows))
     failures += unsafe(recording.targets, load_task(script.task).scene.robot)
-    waits = [blow.resumed - blow.ended for blow in blows if blow.ended and blow.resumed]
-    failures += _late(script, blows)
-    failures += _grown(growths)
+    if end.startswith((*FAULTS, "fell")):
+        until = None  # the robot sat down first, and asked for no plans
+    waits = [(blow, waited(blow, blows, until)) for blow in blows]
+    failures += [*_late(script, waits), *_grown(growths)]
     if script.clock == "lockstep":
         failures += _other_bits(script, summary)
     return Outcome(
-        *(script.name, script.seed, len(blows), summary["end_reason"], summary["plans"]),
-        *(len(recording.targets), max(waits, default=None)),
-        *(_rate(summary), summary["rollouts_per_plan_p50"] or 0.0, growths, mangled),
-        tuple(failures),
+        *(script.name, script.seed, len(blows), end, summary["plans"], len(recording.targets)),
+        *(_longest(waits), _rate(summary), summary["rollouts_per_plan_p50"] or 0.0),
+        *(growths, mangled, tuple(failures), alone),
     )
+
+
+def _other_end(script: Script, end: str, alone: str, happened: int) -> list[str]:
+    """Say what is wrong with how a run ended; `alone` is how it ended without faults, if known."""
+    wrong = []
+    if not end.startswith(script.ends):
+        wrong.append(f"it ended: {end}" + (f"; without faults: {alone}" if alone else ""))
+    if happened < script.count:
+        wrong.append(f"{happened} of {script.count} faults happened before it ended")
+    return wrong
 
 
 def crashed(messages: str) -> str:
@@ -154,6 +156,12 @@ def unsafe(targets: "Sequence[np.ndarray]", robot: Robot) -> list[str]:
     return wrong
 
 
+def _longest(waits: "Sequence[tuple[Blow, float | None]]") -> float | None:
+    """Return the longest wait of a fault after which planning resumed [s]; None without any."""
+    seen = (wait for blow, wait in waits if wait is not None and blow.resumed is not None)
+    return max(seen, default=None)
+
+
 def _rate(summary: dict[str, Any]) -> float:
     """Plans per second of wall time."""
     seconds = summary["robot_time_s"] / (summary["real_time_factor"] or np.inf)
@@ -172,16 +180,14 @@ def _grown(growths: "Sequence[Growth]") -> list[str]:
     return grown
 
 
-def _late(script: Script, blows: "Sequence[Blow]") -> list[str]:
+def _late(script: Script, waits: "Sequence[tuple[Blow, float | None]]") -> list[str]:
     """Faults after whose end planning did not resume in time, unless the run ended before."""
     late = []
-    for blow in blows:
-        if blow.ended is None or blow.resumed is None:
-            continue  # the run ended first: how it ended is judged
-        if (took := blow.resumed - blow.ended) > script.resumes:
-            late.append(
-                f"planning resumed {took:.2f} s after {blow.fault.kind} {blow.fault.target}"
-            )
+    for blow, wait in waits:
+        if wait is None or wait <= script.resumes:
+            continue  # in time, or the run ended first: how it ended is judged
+        how = f"planning resumed {wait:.2f} s" if blow.resumed else f"no plan for {wait:.2f} s"
+        late.append(f"{how} after {blow.fault.kind} {blow.fault.target}".rstrip())
     return late
 
 

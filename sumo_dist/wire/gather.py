@@ -21,6 +21,7 @@ from sumo_dist.wire.messages import RolloutReply, RolloutRequest
 RESEND_S = 1.0  # a shard unanswered for this long goes to another worker
 CHUNK = 8  # rows a request when there is a deadline, so that a late worker is late with few
 MISSES_TO_BENCH = 2  # plans in a row without any answer before a worker is passed over
+STRIKES = 2  # refusals in a row after which a worker is left out: one may have been spoilt
 PROBE_S = 1.0  # how often a benched worker is asked again
 PACE = " rollouts/s"  # ends the name of the counter that says how fast a worker is
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
@@ -54,6 +55,7 @@ class _Worker:
     refusal: str
     speed: float = 0.1  # rows per ms
     misses: int = 0
+    strikes: int = 0
     asked: float = 0.0  # time.monotonic() of the last request
     heard: float = 0.0  # likewise of the last answer
     lost: int = 0  # rows it was asked for and did not answer in time
@@ -265,13 +267,14 @@ class RemoteEvaluator:
         ):
             self._refused(job, reply, f"sent costs of shape {reply.terms.shape}")
             return
-        shard.done = True
+        shard.done, worker.strikes = True, 0
         job.terms[rows] = np.where(reply.valid[:, None], reply.terms, np.nan)
         job.valid[rows], job.answered[rows] = reply.valid, True
 
     def _refused(self, job: _Job, reply: RolloutReply, reason: str | None = None) -> None:
         worker = self._workers[reply.worker]
-        if not worker.refusal:
+        worker.strikes += 1
+        if worker.strikes >= STRIKES and not worker.refusal:
             worker.refusal = reason or reply.refusal
             self._tell("error", f"worker {reply.worker} is left out: {worker.refusal}")
         self._take_back(job, reply.worker)

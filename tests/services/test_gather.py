@@ -234,6 +234,18 @@ def test_a_worker_that_refuses_is_left_out_with_its_reason(party):
     assert party.heard("worker w-1 is left out: its task differs")
 
 
+def test_one_refusal_that_was_spoilt_on_the_way_does_not_leave_a_worker_out(party):
+    worker = party.join("w-1")
+
+    def once(asked):
+        worker.script = answer
+        return answer(asked, refusal="x")
+
+    worker.script = once
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert (party.evaluator.workers, party.told) == (1, [("info", "worker w-1 joined")])
+
+
 def test_a_worker_of_another_build_is_left_out_with_the_remedy(party):
     other = party.join("other", build="build-2")
     party.join("good")

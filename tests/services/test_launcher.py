@@ -112,3 +112,26 @@ def test_ctrl_c_reaches_only_the_launcher(endpoint):
     with Launcher() as launcher:
         router = launcher.start(Service("router", "router", Router(endpoint)))
         assert os.getpgid(router.pid) != os.getpgid(os.getpid())
+
+
+SLEEPER = ("sh", "-c", 'sleep 60 & exec "$@"', "sh")  # a command with a child of its own
+
+
+def test_a_prefix_runs_in_the_same_process_and_what_a_killed_service_leaves_is_ended(
+    endpoint, eventually
+):
+    with Launcher() as launcher:
+        router = launcher.start(Service("router", "router", Router(endpoint), prefix=SLEEPER))
+        Bus.dial(endpoint, "spot").close()
+        router.kill()
+        router.wait()
+        os.killpg(router.pid, 0)  # the sleeper is there
+    assert eventually(lambda: not group_lives(router.pid))
+
+
+def group_lives(leader):
+    try:
+        os.killpg(leader, 0)
+    except ProcessLookupError:
+        return False
+    return True

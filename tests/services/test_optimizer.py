@@ -1,13 +1,21 @@
+import itertools
+import threading
 import time
 from contextlib import ExitStack
 
 import numpy as np
 import pytest
 
-from sumo_dist.services.optimizer import Feed
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.start import make_plant
+from sumo_dist.rollout import engine_identity
+from sumo_dist.services.optimizer import Feed, OptimizerOptions, run
+from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import State, Status
+from sumo_dist.wire.gather import RESEND_S
+from sumo_dist.wire.messages import PlanMessage, RolloutReply, RolloutRequest, State, Status
 
+TASK = load_task("spot/move_box")
 MEMORY = np.zeros(12, np.float32)
 
 
@@ -17,6 +25,10 @@ def state(tick):
 
 def status(tick, wanted=0):
     return Status("run", tick, MEMORY, wanted, "lockstep", 1.0, None)
+
+
+def realtime(tick, speed):
+    return Status("run", tick, MEMORY, -1, "realtime", speed, None)
 
 
 def always(status):
@@ -46,8 +58,15 @@ class Ends:
         pair = self.feed.wait(wanted, timeout)
         if pair is not None:
             assert pair[0].tick == pair[1].tick
+            self.speed = pair[1].speed
             return pair[0].tick
         return None
+
+    def hears(self, tick, speed):
+        """Say a realtime status; return the speed that comes out."""
+        self.say(state(tick), realtime(tick, speed))
+        assert self.pair() == tick
+        return self.speed
 
 
 @pytest.fixture
@@ -91,3 +110,51 @@ def test_old_states_are_forgotten(ends):
     time.sleep(0.1)  # another thread takes the status
     ends.say(status(2))
     assert ends.pair(timeout=0.1) is None
+
+
+def test_a_speed_counts_once_two_statuses_in_a_row_have_said_it(ends):
+    assert [ends.hears(tick, 0.25) for tick in (1, 2)] == [0.0, 0.25]
+    assert [ends.hears(tick, speed) for tick, speed in ((3, 1e-300), (4, 0.25))] == [0.25, 0.25]
+    assert [ends.hears(tick, speed) for tick, speed in ((5, 1e300), (5, 1e300))] == [0.25, 0.25]
+    assert [ends.hears(tick, 0.0) for tick in (6, 7)] == [0.25, 0.0]
+
+
+class Crew:
+    """A realtime optimizer and one worker that loses answers, both on the bus."""
+
+    def __init__(self, stack, endpoint, robot, config):
+        self.plans, self.loses, self._stop = [], lambda _asked: False, threading.Event()
+        self.bus = stack.enter_context(Bus.dial(endpoint, robot))
+        self.bus.subscribe(PlanMessage, lambda _: self.plans.append(time.monotonic()))
+        self.bus.subscribe(RolloutRequest, self._answer, address="w")
+        self.bus.announce("worker", "w", engine_identity("auto")[1])
+        options = OptimizerOptions(TASK.name, endpoint, robot, "run", config)
+        self._optimizer = threading.Thread(target=run, args=(options, self._stop))
+        self._optimizer.start()
+        stack.callback(self._optimizer.join)
+        stack.callback(self._stop.set)
+
+    def _answer(self, asked):
+        if self.loses(asked):
+            return
+        rows = len(asked.knots)
+        who = (asked.run, asked.worker, asked.number, asked.iteration, asked.shard, asked.start)
+        costs = np.zeros((rows, len(TASK.cost))), np.ones(rows, bool)
+        self.bus.publish(RolloutReply(*who, *costs, 1.0, ""))
+
+
+def test_one_status_of_a_tiny_speed_does_not_make_a_plan_wait(shared_router, robot, config):
+    """Else a plan whose answers are lost waits for them instead of its deadline."""
+    plant = make_plant(EpisodeConfig(TASK.name, 1), TASK)
+    with ExitStack() as stack:
+        crew = Crew(stack, shared_router, robot, config)
+        crew.loses = lambda asked: asked.reply_budget_ms > 1e4
+        deadline = time.monotonic() + 60.0
+        for tick in itertools.count():
+            crew.bus.publish(State("run", tick, np.array(plant.state)))
+            crew.bus.publish(realtime(tick, 1e-300 if tick % 7 == 0 else 0.25))
+            time.sleep(0.08)
+            assert time.monotonic() < deadline
+            if len(crew.plans) > 12:
+                break
+    assert np.diff(crew.plans).max() < RESEND_S

@@ -1,0 +1,51 @@
+"""What can be done to a living process, besides signals."""
+
+import os
+import resource
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+from sumo_dist.errors import UsageError
+
+
+def check_disks_can_fill() -> None:
+    """Raise unless the files of another process can be kept from growing."""
+    if not hasattr(resource, "prlimit"):
+        raise UsageError("fault 'disk' needs prlimit, which only Linux has")
+
+
+def fill_disk(pid: int) -> None:
+    """Let no file that a process writes grow any more, as if the disk were full."""
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    _limit_files(pid, (0, most))
+
+
+def free_disk(pid: int) -> None:
+    """Let its files grow as those of this process may, which has started it."""
+    _limit_files(pid, resource.getrlimit(resource.RLIMIT_FSIZE))
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started and that are alive (Linux)."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        try:  # pid (name, which may hold anything) state parent ...
+            state, parent = entry.read_text(errors="replace").rpartition(")")[2].split()[:2]
+        except (OSError, ValueError):
+            continue  # it has ended meanwhile
+        if int(parent) == pid and state != "Z":
+            found.append(int(entry.parent.name))
+    return found
+
+
+def kill_children(pid: int) -> None:
+    """Kill what a process has started."""
+    for child in children(pid):
+        with suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+
+
+def _limit_files(pid: int, limits: tuple[int, int]) -> None:
+    with suppress(ProcessLookupError):  # one that has ended writes nothing
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, limits)
