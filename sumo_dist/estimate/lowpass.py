@@ -36,7 +36,7 @@ class LowPassConfig:
     """
 
     joint_position_hz: float = 60.0
-    joint_velocity_hz: float = 100.0
+    joint_velocity_hz: float = 200.0
     position_hz: float = 20.0
     rotation_hz: float = 20.0
     linear_velocity_hz: float = 10.0
