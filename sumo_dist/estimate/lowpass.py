@@ -21,9 +21,12 @@ TICK_MS = round(TICK * 1000)
 class LowPassConfig:
     """Cut-offs of first-order low-pass filters, one a channel.
 
-    The defaults were chosen on Spot walking, turning and pushing, without noise and with 0.5 mm
-    and 2 mrad (per axis) on every frame. With that noise the velocities of the body are best
-    at 5 to 8 Hz and those of a pushed box at 15; poses are best at 10 to 20 Hz.
+    The defaults come from `bench estimator --sweep`, on Spot turning and pushing a box, see
+    docs/results/bench_estimator_cutoffs.md. Joint velocities are best hardly filtered. Lower
+    cut-offs of the base's pose and linear velocity are up to a sixth better on the perturbed plant
+    and a third or more worse without noise. For the base's rate of rotation 6 Hz is best there on
+    given walks, but a robot that acts on it is estimated best with 8 to 10. The linear velocity of
+    a pushed box is a little better with 15 Hz, of one at rest the lower the better.
 
     Attributes:
         joint_position_hz, joint_velocity_hz: for what the encoders report.
@@ -36,7 +39,7 @@ class LowPassConfig:
     """
 
     joint_position_hz: float = 60.0
-    joint_velocity_hz: float = 100.0
+    joint_velocity_hz: float = 200.0
     position_hz: float = 20.0
     rotation_hz: float = 20.0
     linear_velocity_hz: float = 10.0

@@ -34,6 +34,26 @@ def test_constant_velocities_do_not_lag(model, motion, last):
     np.testing.assert_allclose(state, motion.state(last), atol=1e-9)
 
 
+def test_a_delayed_frame_is_moved_on_to_the_tick(model, motion):
+    """Several times nearer than the frame itself, even though noise blurs the velocity."""
+    rng, body = np.random.default_rng(3), motion.index.pose("body")
+    moved, held = [], []
+
+    def delayed(readings):
+        stamps = readings.mocap_ms - 20
+        noise = 0.0005 * rng.standard_normal((len(stamps), 2, 3))
+        frames = np.array([motion.poses(stamp) for stamp in stamps])
+        frames[..., :3] += noise
+        return dataclasses.replace(readings, mocap_ms=stamps, mocap=frames)
+
+    estimate = LowPassEstimator(model)
+    for tick in range(2, 200):
+        readings, truth = delayed(motion.readings(tick)), motion.state(tick)[body][:3]
+        moved.append(estimate(readings)[body][:3] - truth)
+        held.append(readings.mocap[-1, 0, :3] - truth)
+    assert 5 * np.linalg.norm(moved[50:]) < np.linalg.norm(held[50:])
+
+
 def test_the_sign_of_a_measured_quaternion_does_not_matter(model, motion):
     rng = np.random.default_rng(0)
 
