@@ -168,10 +168,15 @@ def _rate(summary: dict[str, Any]) -> float:
     return round(summary["plans"] / seconds, 2) if seconds else 0.0
 
 
+def counted(growths: "Sequence[Growth]") -> "list[Growth]":
+    """Leave out the tracer, which loads Rerun late and keeps what it shows."""
+    return [growth for growth in growths if growth.service != "tracer"]
+
+
 def _grown(growths: "Sequence[Growth]") -> list[str]:
-    """Services that keep on growing; the tracer loads Rerun late, and keeps what it shows."""
+    """Services that keep on growing."""
     grown = []
-    for growth in (growth for growth in growths if growth.service != "tracer"):
+    for growth in counted(growths):
         mb, files = growth.mb[1] - growth.mb[0], growth.files[1] - growth.files[0]
         if mb > GROWTH_MB:
             grown.append(f"{growth.service} grew by {mb:.0f} MB")
