@@ -10,6 +10,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from sumo_dist.episode.local import report
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.compensate import roll_forward
@@ -161,7 +163,7 @@ class Service:
         self._actions = problem.task.actions
         self._planner = Planner(options.planner, self._actions, options.seed)
         self._last: PlanMessage | None = None
-        self._last_clock = ""
+        self._last_clock, self._last_state = "", np.empty(0)  # what the last plan was made for
         self._failing = False
         self._fewer = False  # rollouts than configured
         self._refused = 0  # questions that made no sense
@@ -210,8 +212,8 @@ class Service:
             self._plan_realtime(state, status)
         elif (
             self._last
-            and self._last_clock == status.clock
-            and (self._last.plan.number == status.wanted)
+            and (self._last_clock, self._last.plan.number) == (status.clock, status.wanted)
+            and np.array_equal(self._last_state, state.state)  # else the robot was started again
         ):
             self._bus.publish(self._last)
         else:
@@ -222,7 +224,7 @@ class Service:
         request = PlanRequest(
             status.wanted, state.tick, state.state, status.memory, status.followed
         )
-        self._publish(self._make(request, time.perf_counter()), status.clock)
+        self._publish(self._make(request, time.perf_counter()), status.clock, state)
 
     def _plan_realtime(self, state: State, status: Status) -> None:
         began = time.perf_counter()
@@ -239,7 +241,7 @@ class Service:
         request = PlanRequest(number, tick, start, memory, previous)
         made = self._make(request, began, status.speed, self._fitted(budget))
         self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
-        self._publish(made, status.clock)
+        self._publish(made, status.clock, state)
 
     def _following(self, status: Status) -> Plan | None:
         """The plan the robot will follow from now on: the newest that was sent to it."""
@@ -294,8 +296,9 @@ class Service:
             age_ticks=round(plan_ms * 1e-3 * speed / TICK),
         )
 
-    def _publish(self, made: PlanReport, clock: str) -> None:
-        self._last, self._last_clock = PlanMessage.of(self._options.run, made), clock
+    def _publish(self, made: PlanReport, clock: str, state: State) -> None:
+        self._last = PlanMessage.of(self._options.run, made)
+        self._last_clock, self._last_state = clock, state.state
         self._bus.publish(self._last)
         if made.failed != self._failing:
             self._failing = made.failed

@@ -3,6 +3,7 @@
 import logging
 import queue
 import threading
+import time
 from dataclasses import dataclass
 
 import mujoco
@@ -19,6 +20,7 @@ from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import Sensors, State
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
+SILENCE_S = 0.5  # after it, readings of the first tick are those of a robot that was started again
 JUMP = 50  # ticks; readings from further off count once two in a row are from there
 
 log = logging.getLogger("sumo_dist.estimator")
@@ -59,13 +61,18 @@ def run(options: EstimatorOptions, stop: threading.Event) -> None:
 
 
 class Desk:
-    """Answers readings with states. A reading that is sent again gets the same answer again."""
+    """Answers readings with states. A reading that is sent again gets the same answer again.
+
+    Each run begins with a fresh estimate: one with another id, and one with the same, as a robot
+    that is started by hand has, which begins at the first tick.
+    """
 
     def __init__(self, estimator: str, model: mujoco.MjModel) -> None:
         """Estimate states of a scene's model."""
         self._kind, self._model = estimator, model
         self._estimate = make_estimator(estimator, model)
         self._newest: State | None = None
+        self._heard = 0.0  # time.monotonic() of the last readings
         self._odd = -1  # tick of the last readings, if they came from far off
         self._failures = 0
 
@@ -77,8 +84,10 @@ class Desk:
 
     def answer(self, sensors: Sensors) -> State | None:
         """Return the state at the readings' tick, None if there is none to be had."""
-        newest = self._newest
-        if newest is None or sensors.run != newest.run:
+        newest, now = self._newest, time.monotonic()
+        again = sensors.tick == 0 and now - self._heard > SILENCE_S
+        self._heard = now
+        if newest is None or sensors.run != newest.run or again:
             self._estimate, newest = make_estimator(self._kind, self._model), None
         elif abs(sensors.tick - newest.tick) <= JUMP:
             self._odd = -1

@@ -25,6 +25,8 @@ STRIKES = 2  # refusals in a row after which a worker is left out: one may have 
 PROBE_S = 1.0  # how often a benched worker is asked again
 PACE = " rollouts/s"  # ends the name of the counter that says how fast a worker is
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
+TIMELY_MEMORY = 0.9  # likewise in the share of its rows that come in time
+LEAST_TIMELY = 0.05  # of a worker that is never in time, so that it is still asked for something
 
 
 def misfit(member: Member, build: str) -> str:
@@ -57,6 +59,12 @@ class _Worker:
     asked: float = 0.0  # time.monotonic() of the last request
     heard: float = 0.0  # likewise of the last answer
     lost: int = 0  # rows it was asked for and did not answer in time
+    timely: float = 1.0  # share of its rows that come in time
+
+    @property
+    def pace(self) -> float:
+        """Rows per ms that can be counted on: other work on its cores makes some of them late."""
+        return self.speed * max(LEAST_TIMELY, self.timely)
 
 
 @dataclass
@@ -66,6 +74,7 @@ class _Shard:
     count: int
     sent: float
     done: bool = False
+    lost: bool = False
 
 
 @dataclass
@@ -137,7 +146,7 @@ class RemoteEvaluator:
         for name, worker in list(self._workers.items()):  # another thread may be at it
             benched = "passed over" if worker.misses >= MISSES_TO_BENCH else ""
             counters[f"{name} state"] = (worker.refusal or benched or "answers")[:200]
-            counters[name + PACE] = round(worker.speed * 1e3)
+            counters[name + PACE] = round(worker.pace * 1e3)
             counters[f"{name} lost"] = worker.lost
             if worker.heard:
                 counters[f"{name} silent s"] = round(now - worker.heard, 2)
@@ -175,11 +184,11 @@ class RemoteEvaluator:
         return Evaluation(job.terms, job.valid, job.answered, np.empty(0, np.float32))
 
     def _usable(self) -> dict[str, float]:
-        """Speeds of the workers to ask: those that answer, and now and then one that did not."""
+        """Paces of the workers to ask: those that answer, and now and then one that did not."""
         willing = {name: w for name, w in self._workers.items() if not w.refusal}
         due = time.monotonic() - PROBE_S
         steady = {n: w for n, w in willing.items() if w.misses < MISSES_TO_BENCH or w.asked < due}
-        return {name: worker.speed for name, worker in (steady or willing).items()}
+        return {name: worker.pace for name, worker in (steady or willing).items()}
 
     def _assign(self, job: _Job) -> None:
         """Give every row that is with nobody to the workers, by speed."""
@@ -295,6 +304,7 @@ class RemoteEvaluator:
         self._lose(shard)
 
     def _lose(self, shard: _Shard) -> None:
+        shard.lost = True
         if worker := self._workers.get(shard.worker):
             worker.lost += shard.count
 
@@ -312,9 +322,13 @@ class RemoteEvaluator:
         for shard in job.shards.values():
             if not shard.done:
                 self._lose(shard)
-        answered = {shard.worker for shard in job.shards.values() if shard.done}
-        for name in {shard.worker for shard in job.shards.values()} - answered:
-            self._miss(name)
+        for name in {shard.worker for shard in job.shards.values()}:
+            given = [shard for shard in job.shards.values() if shard.worker == name]
+            if worker := self._workers.get(name):
+                share = sum(s.count for s in given if not s.lost) / sum(s.count for s in given)
+                worker.timely = TIMELY_MEMORY * worker.timely + (1.0 - TIMELY_MEMORY) * share
+            if not any(shard.done for shard in given):
+                self._miss(name)
 
     def _miss(self, name: str) -> None:
         worker = self._workers.get(name)

@@ -320,6 +320,14 @@ def test_answers_that_come_too_late_tell_how_slow_a_worker_is(party):
     assert party.evaluator.pace < 0.9 * believed
 
 
+def test_a_worker_that_is_often_late_counts_for_less(party):
+    party.join("w-1", lambda asked: answer(asked) if asked.start < 8 else None)  # 8 rows of 10
+    for number in range(30):
+        party.evaluate(number, deadline_s=0.1)
+    speed = party.evaluator._workers["w-1"].speed
+    assert party.evaluator.pace == pytest.approx(0.8 * speed, rel=0.05)
+
+
 def test_tells_of_each_worker_what_it_does_and_loses(party):
     party.join("w-1")
     party.evaluate(0)

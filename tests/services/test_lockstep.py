@@ -81,6 +81,18 @@ def test_a_restarted_service_goes_on_where_the_last_one_ended(run_system, expect
     assert digests(summary) == expected_digests(time_limit=LIMIT)
 
 
+@pytest.mark.parametrize("estimator", ["truth", "lowpass"])
+def test_a_robot_that_is_started_again_needs_nothing_else_restarted(
+    run_system, expected_digests, estimator
+):
+    system = run_system(workers=1, time_limit=1.0, estimator=estimator)
+    system.after_plan(5)
+    for _ in range(2):  # in the middle of a run, and after its end
+        system.restart("robot-interface")
+        _, summary = system.finish()
+        assert digests(summary) == expected_digests(estimator=estimator)
+
+
 def test_without_workers_the_run_ends_with_a_reason(run_system):
     system = run_system(workers=1, time_limit=LIMIT, wait=1.5)
     system.after_plan(MIDDLE)
