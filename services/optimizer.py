@@ -302,5 +302,5 @@ class Service:
         self._bus.publish(self._last)
         if made.failed != self._failing:
             self._failing = made.failed
-            state = "no usable rollouts, the last plan goes on" if made.failed else "plans are back"
-            self._tell("warning", f"plan {made.plan.number}: {state}")
+            how = "no usable rollouts, the last plan goes on" if made.failed else "plans are back"
+            self._tell("warning", f"plan {made.plan.number}: {how}")

@@ -32,7 +32,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode, seal, unseal
-from sumo_dist.wire.gather import RemoteEvaluator
+from sumo_dist.wire.gather import STRIKES, RemoteEvaluator
 from sumo_dist.wire.keys import SCHEMA, Member, alive_key
 from sumo_dist.wire.messages import (
     Event,
@@ -169,8 +169,9 @@ class Target:
                     callback(_Sample(key, payload))
 
         if kind is RolloutReply:  # it comes while the optimizer waits for it
-            self._session.on_put = give
-            self._plan()
+            for _ in range(STRIKES):  # what is refused once may have been spoilt
+                self._session.on_put = give
+                self._plan()
         else:
             give()
             self._robot()

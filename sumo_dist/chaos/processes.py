@@ -4,7 +4,6 @@ import os
 import resource
 import signal
 from contextlib import suppress
-from pathlib import Path
 
 from sumo_dist.errors import UsageError
 
@@ -29,13 +28,15 @@ def free_disk(pid: int) -> None:
 def children(pid: int) -> list[int]:
     """Return the processes that a process has started and that are alive (Linux)."""
     found = []
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        try:  # pid (name, which may hold anything) state parent ...
-            state, parent = entry.read_text(errors="replace").rpartition(")")[2].split()[:2]
-        except (OSError, ValueError):
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{name}/stat", errors="replace") as file:
+                told = file.read()  # pid (name, which may hold anything) state parent ...
+        except OSError:
             continue  # it has ended meanwhile
+        state, parent = told.rpartition(")")[2].split()[:2]
         if int(parent) == pid and state != "Z":
-            found.append(int(entry.parent.name))
+            found.append(int(name))
     return found
 
 

@@ -43,6 +43,7 @@ from sumo_dist.wire.messages import PlanMessage, RunEnd
 
 PATIENCE_S = 180.0  # for a whole run, beside twice the time it takes by its clock
 START_S = 30.0  # a router is up by then, on a busy machine as well
+VIEWER_S = 0.1  # between two looks for a viewer that is to be killed
 ROUTERS = ("router", "far-router")
 
 
@@ -92,6 +93,7 @@ class Stage:
         self.blows: list[Blow] = []
         self._wall: WallClock | None = None
         self._cable: Cable | None = None
+        self._looked = 0.0  # for a viewer
         self.over: float | None = None  # when the robot said that the run is over
         self.census = Census()
         self.mangled: Counter[str] = Counter()
@@ -149,15 +151,8 @@ class Stage:
         """Services of the run; raises, before any is started, if the script names another."""
         script = self._script
         speed = script.speed if script.clock == "realtime" else None
-        crew = Crew(
-            episode_of(script),
-            script.workers,
-            1,
-            self._out,
-            script.viewer or None,
-            speed,
-            script.wait,
-        )
+        run = episode_of(script), script.workers, 1, self._out, script.viewer or None
+        crew = Crew(*run, speed, script.wait)
         planned = list(services(crew, endpoint))
         valid = [service.name for service in planned]
         targets = [*valid, "router", *([VIEWER] if script.viewer else [])]
@@ -200,7 +195,12 @@ class Stage:
 
     def _is_there(self, target: str) -> bool:
         """Whether a fault has something to happen to: a viewer opens after all services."""
-        return target != VIEWER or bool(children(self._running["tracer"].pid))
+        if target != VIEWER:
+            return True
+        if time.monotonic() < self._looked + VIEWER_S:
+            return False
+        self._looked = time.monotonic()
+        return bool(children(self._running["tracer"].pid))
 
     def _begin(self, blow: Blow) -> None:
         fault = blow.fault

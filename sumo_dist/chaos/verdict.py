@@ -101,13 +101,11 @@ def judge(
     end = summary["end_reason"]
     fell = end == "fell" and script.clock == "realtime"
     alone = undisturbed() if fell and script.faults else ""
-    if alone != end:
-        failures += _other_end(script, end, alone, len(blows))
+    failures += _other_end(script, end, alone, len(blows))
     failures += unsafe(recording.targets, load_task(script.task).scene.robot)
-    if end.startswith((*FAULTS, "fell")):
-        until = None  # the robot sat down first, and asked for no plans
-    waits = [(blow, waited(blow, blows, until)) for blow in blows]
-    failures += [*_late(script, waits), *_grown(growths)]
+    sat = end.startswith((*FAULTS, "fell"))  # and asked for no plans from then on
+    waits = [(blow, waited(blow, blows, None if sat else until)) for blow in blows]
+    failures += _late(script, waits) + _grown(growths)
     if script.clock == "lockstep":
         failures += _other_bits(script, summary)
     return Outcome(
@@ -119,6 +117,8 @@ def judge(
 
 def _other_end(script: Script, end: str, alone: str, happened: int) -> list[str]:
     """Say what is wrong with how a run ended; `alone` is how it ended without faults, if known."""
+    if alone == end:
+        return []
     wrong = []
     if not end.startswith(script.ends):
         wrong.append(f"it ended: {end}" + (f"; without faults: {alone}" if alone else ""))
@@ -168,10 +168,15 @@ def _rate(summary: dict[str, Any]) -> float:
     return round(summary["plans"] / seconds, 2) if seconds else 0.0
 
 
+def counted(growths: "Sequence[Growth]") -> "list[Growth]":
+    """Leave out the tracer, which loads Rerun late and keeps what it shows."""
+    return [growth for growth in growths if growth.service != "tracer"]
+
+
 def _grown(growths: "Sequence[Growth]") -> list[str]:
     """Services that keep on growing."""
     grown = []
-    for growth in growths:
+    for growth in counted(growths):
         mb, files = growth.mb[1] - growth.mb[0], growth.files[1] - growth.files[0]
         if mb > GROWTH_MB:
             grown.append(f"{growth.service} grew by {mb:.0f} MB")

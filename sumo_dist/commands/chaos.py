@@ -13,7 +13,7 @@ from sumo_dist.bench.report import heading, markdown, timing_provenance
 from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import read_script
 from sumo_dist.chaos.stage import play
-from sumo_dist.chaos.verdict import Outcome
+from sumo_dist.chaos.verdict import Outcome, counted
 from sumo_dist.errors import UsageError
 
 HEADS = (
@@ -67,17 +67,22 @@ def text(about: dict[str, Any], outcomes: list[Outcome]) -> str:
     names = [outcome.name for outcome in outcomes]
     rows = [row([o for o in outcomes if o.name == n]) for n in dict.fromkeys(names)]
     faults, failed = sum(o.faults for o in outcomes), sum(1 for o in outcomes if o.failures)
-    failures = [f"- {o.name} seed {o.seed}: {line}" for o in outcomes for line in o.failures]
+    notes = [f"- {o.name} seed {o.seed}: {line}" for o in outcomes for line in o.failures]
+    notes += [
+        f"- {o.name} seed {o.seed}: it fell, as it does without faults"
+        for o in outcomes
+        if o.end == o.undisturbed
+    ]
     return "\n\n".join(
         (
             heading("chaos", about),
             f"{len(outcomes)} runs, {faults} faults, {sum(o.commands for o in outcomes)} commands, "
-            f"{failed} runs not as they must be. Resumed: the longest wall time from a fault's end "
-            "to the next good plan. Rate: plans per second of wall time; rollouts: median a plan "
-            "(both: the least of the script's runs). Growth: the most that a process grew in the "
-            "second half of its life.",
+            f"{failed} runs not as they must be. Resumed: the longest wall time from the end of a "
+            "fault, and of all that overlap it, to the next good plan. Rate: plans per second of "
+            "wall time; rollouts: median a plan (both: the least of the script's runs). Growth: "
+            "the most that a process other than the tracer grew in the second half of its life.",
             markdown(HEADS, rows),
-            *(["\n".join(failures)] if failures else []),
+            *(["\n".join(notes)] if notes else []),
             *([services(outcomes[0].growths)] if len(outcomes) == 1 else []),
         )
     )
@@ -86,7 +91,7 @@ def text(about: dict[str, Any], outcomes: list[Outcome]) -> str:
 def row(runs: list[Outcome]) -> tuple[str, ...]:
     """Lay out the runs of one script."""
     waits = [run.slowest_s for run in runs if run.slowest_s is not None]
-    growths = [growth for run in runs for growth in run.growths]
+    growths = [growth for run in runs for growth in counted(run.growths)]
     return (
         *(runs[0].name, f"{len(runs)}", f"{sum(run.faults for run in runs)}"),
         *(f"{sum(run.plans for run in runs)}", f"{sum(run.commands for run in runs)}"),

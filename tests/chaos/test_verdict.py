@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sumo_dist.bench.report import timing_provenance
 from sumo_dist.chaos.blow import Blow
+from sumo_dist.chaos.census import Growth
 from sumo_dist.chaos.script import Fault, Script
 from sumo_dist.chaos.stage import episode_of
-from sumo_dist.chaos.verdict import judge
+from sumo_dist.chaos.verdict import counted, judge
+from sumo_dist.commands.chaos import text
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.spot import SPOT
@@ -83,3 +86,14 @@ def test_planning_that_never_resumes_is_late_unless_the_robot_sat_down(judged):
     assert judged("timeout", [never]).failures == ("no plan for 18.00 s after kill local-0",)
     blind = "fault: no state for 0.1 s, the robot sat down"
     assert judged(blind, [never], replace(SCRIPT, ends=(blind,))).failures == ()
+
+
+def test_a_fall_that_is_not_the_faults_is_told_without_being_a_failure(judged):
+    said = text(timing_provenance(), [judged("fell", [], without="fell")])
+    assert "0 runs not as they must be" in said
+    assert "- script seed 1: it fell, as it does without faults" in said
+
+
+def test_the_tracer_may_grow():
+    growths = [Growth(name, 1, 9.0, (100.0, 250.0), (9.0, 9.0)) for name in ("tracer", "optimizer")]
+    assert [growth.service for growth in counted(growths)] == ["optimizer"]
