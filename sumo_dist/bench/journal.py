@@ -1,9 +1,10 @@
 """The file of a campaign: one JSON object a line, which a killed campaign goes on from."""
 
+import fcntl
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TextIO
 
 from sumo_dist.errors import UsageError
 
@@ -55,9 +56,11 @@ class Journal:
             tell: takes notices.
 
         Raises:
-            UsageError: the file is something else, or was made with other settings.
+            UsageError: the file is something else, or was made with other settings, or another
+                campaign writes to it.
         """
         self.path = path
+        self._file = _taken(path)
         self.rows: dict[Trial, dict[str, Any]] = {}
         for row in _parse(_drop_torn_line(path, tell), path):
             trial = Trial.of(row)
@@ -66,8 +69,8 @@ class Journal:
 
     def append(self, row: dict[str, Any]) -> None:
         """Write a trial through to the file."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row, allow_nan=False) + "\n")
+        self._file.write(json.dumps(row, allow_nan=False) + "\n")
+        self._file.flush()
         self.rows[Trial.of(row)] = row
 
 
@@ -84,16 +87,31 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     return _parse(whole, path)
 
 
+def _taken(path: Path) -> TextIO:
+    """Open a file to append to, locked for as long as it is open."""
+    try:
+        file = path.open("a", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot use {path} as the file of a campaign: {error}") from None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise UsageError(
+            f"another campaign writes to {path}: wait for it, or name another file"
+        ) from None
+    return file
+
+
 def _drop_torn_line(path: Path, tell: Callable[[str], None]) -> str:
     try:
-        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        text = path.read_text(encoding="utf-8")
         whole, newline, torn = text.rpartition("\n")
         if not torn.startswith(_BEGINNING[: len(torn)]):
             raise UsageError(f"{path} is not a file of `sumo-dist bench`; name another file")
         if torn:
             tell(f"{path}: dropped a last line that was not written to its end")
             path.write_text(whole + newline, encoding="utf-8")
-        path.touch()
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot use {path} as the file of a campaign: {error}") from None
     return whole

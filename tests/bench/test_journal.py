@@ -31,7 +31,16 @@ def test_a_torn_last_line_is_dropped_with_a_notice(tmp_path):
     assert list(journal.rows) == [TRIAL]
     assert len(notices) == 1
     journal.append({**ROW, "seed": 2})
+    del journal
     assert list(open_journal(path).rows) == [TRIAL, TRIAL._replace(seed=2)]
+
+
+def test_two_campaigns_do_not_write_to_one_file(tmp_path):
+    first = open_journal(tmp_path / "a.jsonl")
+    with pytest.raises(UsageError, match=r"another campaign writes to .*a.jsonl"):
+        open_journal(tmp_path / "a.jsonl")
+    first.append(ROW)
+    assert read_rows(tmp_path / "a.jsonl") == [ROW]
 
 
 def test_a_reader_leaves_the_line_that_is_being_written_alone(tmp_path):
@@ -45,6 +54,7 @@ def test_a_control_stands_beside_the_trial_it_belongs_to(tmp_path):
     journal, control = open_journal(tmp_path / "a.jsonl"), {**ROW, "variant": STANDING}
     journal.append(ROW)
     journal.append(control)
+    del journal
     rows = open_journal(tmp_path / "a.jsonl").rows
     assert rows == {TRIAL: ROW, TRIAL._replace(variant=STANDING): control}
 
