@@ -53,7 +53,7 @@ class TracerOptions:
 
     Attributes:
         episode: what is run.
-        out: folder for run.rrd.
+        out: folder for run.rrd; one that is there already is left alone, and the next number taken.
         connect: the router's endpoint.
         robot: whose run to show.
         run: id of the run; others' messages are dropped.
@@ -261,7 +261,7 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
     from sumo_dist.view.run_logger import RunLogger
     from sumo_dist.view.viewers import SERVER_PORT, free_port
 
-    file = RrdFile(options.out / "run.rrd", _log.warning)
+    file = RrdFile(_unused(options.out), _log.warning)
     port = None if options.viewer == "none" else free_port(SERVER_PORT)
     with (
         Outputs(options.run, file, port) as out,
@@ -273,6 +273,14 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
         while options.linger and viewer.running() and not stop.wait(_IDLE_S):
             pass
+
+
+def _unused(folder: Path) -> Path:
+    """Path of DIR/run.rrd, or of DIR/run-2.rrd and so on after a tracer that died in this run."""
+    names = ("run.rrd", *(f"run-{number}.rrd" for number in range(2, 1000)))
+    return next(
+        (path for name in names if not (path := folder / name).is_file()), folder / names[0]
+    )
 
 
 def _follow(tracer: Tracer, backlog: Backlog, viewer: "Viewer", stop: threading.Event) -> None:

@@ -124,7 +124,8 @@ def _prepare(episode: EpisodeConfig) -> None:
 def _make_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "summary.json").unlink(missing_ok=True)
+        for before in ("summary.json", "run.rrd"):
+            (out / before).unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(f"cannot write to {out}: {error.strerror}") from None
 

@@ -170,6 +170,16 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
     assert sorted(texts) == ["optimizer: a plan was late", "the run has ended: success"]
 
 
+def test_what_a_tracer_that_died_has_written_is_left_alone(tracing, tmp_path, read_rrd):
+    start, thread, _ = tracing
+    (tmp_path / "run.rrd").write_bytes(b"of before")
+    with start() as bus:
+        publish_run(bus, ticks=3)
+        end_run(bus, thread)
+    assert (tmp_path / "run.rrd").read_bytes() == b"of before"
+    assert len(read_rrd(tmp_path / "run-2.rrd").timed["/world/poses"]["sim_time"]) > 0
+
+
 def test_without_a_place_for_the_file_it_says_so_once_and_goes_on(tracing, tmp_path, caplog):
     start, thread, _ = tracing
     (tmp_path / "run.rrd").mkdir()
