@@ -124,7 +124,7 @@ class RealtimeLoop:
         self._follower = Follower(task.actions)
         self._memory = controller.initial_memory()
         self._watch = StateWatch(task.scene.robot, plant.model.nq)
-        self._began = 0.0
+        self._began = self._due = 0.0  # time.monotonic() of tick 0 and of the present one
         self.mode = "running"
         self.slipped_s = 0.0
 
@@ -159,12 +159,12 @@ class RealtimeLoop:
 
     def _wait_for(self, tick: int) -> bool:
         """Sleep until a tick is due; False if told to stop."""
-        due = self._began + tick * TICK / self._speed
-        late = time.monotonic() - due
+        self._due = self._began + tick * TICK / self._speed
+        late = time.monotonic() - self._due
         if late > SLIP_S:  # this process was held up: ticks in a burst would outrun its plans
-            self._began += late
+            self._began, self._due = self._began + late, self._due + late
             self.slipped_s += late
-        return not self._stop.wait(max(0.0, due - time.monotonic()))
+        return not self._stop.wait(max(0.0, self._due - time.monotonic()))
 
     def _sense(self, tick: int) -> tuple[int, np.ndarray] | None:
         """Exchange readings for the newest state and its tick."""
@@ -181,6 +181,7 @@ class RealtimeLoop:
         command = self._task.actions.commands(self._follower.action(tick))
         nq = self._plant.model.nq
         targets, self._memory = self._controller.step(state[:nq], state[nq:], command, self._memory)
+        self._recording.late_ms.append((time.monotonic() - self._due) * 1e3)
         return None if self._guard.send(targets) else "fault: the policy's targets are not finite"
 
     def _stopped(self, reason: str) -> str | None:

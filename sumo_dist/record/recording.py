@@ -37,6 +37,7 @@ class Recording:
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
+        late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
         targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
         commands: joint targets sent, and how many the guard had to change, by reason.
     """
@@ -56,6 +57,7 @@ class Recording:
     costs: Rows = field(default_factory=Rows)
     terms: Rows = field(default_factory=Rows)
     traces: Rows = field(default_factory=Rows)
+    late_ms: Rows = field(default_factory=Rows)
     targets: Rows = field(default_factory=Rows)
     commands: dict[str, int] = field(default_factory=dict)
 

@@ -40,6 +40,7 @@ def test_plans_come_on_time(start):
     assert (code, summary["end_reason"]) == (1, "timeout")
     assert summary["real_time_factor"] == pytest.approx(SPEED, rel=0.05)
     assert summary["plans"] >= 16
+    assert 0 < summary["command_late_ms_p50"] < 20 / SPEED
     recording = system.recording()
     numbers = list(recording.plan_numbers)
     assert numbers == sorted(set(numbers))
