@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from sumo_dist.bench.journal import PLANNED, read_rows
+from sumo_dist.bench.journal import PLANNED, USUAL, read_rows
 from sumo_dist.bench.report import markdown
 from sumo_dist.bench.results import JOURNAL, Count, Row, count_tasks
 from sumo_dist.bench.stats import ALPHA, Ratio, fisher, holm, newcombe, paired_ratio
@@ -177,6 +177,7 @@ def _settings(rows: Sequence[Row]) -> dict[str, tuple[Any, ...]]:
     for row in rows:
         flat: Mapping[str, Any] = {
             **row["planner"],
+            **{name: row.get(name, usual) for name, usual in USUAL.items()},
             "engine_build": row["engine_build"],
             f"{row['task']}, time limit [s]": row["time_limit_s"],
             f"{row['task']}, task and settings": row["config_hash"],

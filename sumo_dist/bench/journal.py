@@ -11,7 +11,7 @@ from sumo_dist.errors import UsageError
 PLANNED = "planned"
 STANDING = "standing"
 
-_USUAL = {"plant": "nominal", "estimator": "truth"}  # of rows that do not say
+USUAL = {"plant": "nominal", "estimator": "truth"}  # of rows that do not say
 _BEGINNING = '{"task": "'  # of every line
 
 
@@ -136,7 +136,7 @@ def _parse(whole: str, path: Path) -> list[dict[str, Any]]:
 
 def _check(row: Mapping[str, Any], wanted: Mapping[str, Any], path: Path) -> None:
     for key, value in wanted.items():
-        found = row.get(key, _USUAL.get(key))
+        found = row.get(key, USUAL.get(key))
         if found == value:
             continue
         if isinstance(found, dict) and isinstance(value, dict):

@@ -66,6 +66,15 @@ def test_settings_that_differ_are_named(campaign, make_row, capsys):
     assert out.count("->") == 4  # three settings, one verdict
 
 
+def test_another_plant_is_a_setting(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0]})  # rows of old journals do not say
+    b = campaign("b.jsonl", {BOX: [5.0]}, plant="hard", estimator="truth")
+    assert main(["bench", "compare", a, b]) == 0
+    out = capsys.readouterr().out
+    assert "- plant: nominal -> hard" in out
+    assert "estimator" not in out
+
+
 def test_tasks_that_only_one_has_are_named_and_left_out(campaign, capsys):
     a = campaign("a.jsonl", {BOX: [4.0, 5.0], CONE: [1.0]})
     b = campaign("b.jsonl", {BOX: [4.0, None]})
