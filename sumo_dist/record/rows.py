@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 SPILL_BYTES = 1_000_000  # rows of so much move to the file
+OVERHEAD_BYTES = 128  # of a row in memory, beside its numbers
 
 
 class Rows(Sequence[Any]):
@@ -36,7 +37,7 @@ class Rows(Sequence[Any]):
         if fresh.shape != kind.shape:
             raise ValueError(f"a row of shape {fresh.shape} among rows of shape {kind.shape}")
         self._fresh.append(fresh)
-        if self._spills and len(self._fresh) > 1 + SPILL_BYTES // max(fresh.nbytes, 1):
+        if self._spills and len(self._fresh) > 1 + SPILL_BYTES // (fresh.nbytes + OVERHEAD_BYTES):
             self._spill()
 
     def _spill(self) -> None:
