@@ -72,7 +72,7 @@ class Desk:
         self._kind, self._model = estimator, model
         self._estimate = make_estimator(estimator, model)
         self._newest: State | None = None
-        self._heard = 0.0  # time.monotonic() of the last readings
+        self._heard = 0.0  # time.monotonic() of the last readings after the first tick's
         self._odd = -1  # tick of the last readings, if they came from far off
         self._failures = 0
 
@@ -86,7 +86,8 @@ class Desk:
         """Return the state at the readings' tick, None if there is none to be had."""
         newest, now = self._newest, time.monotonic()
         again = sensors.tick == 0 and now - self._heard > SILENCE_S
-        self._heard = now
+        if sensors.tick > 0:
+            self._heard = now
         if newest is None or sensors.run != newest.run or again:
             self._estimate, newest = make_estimator(self._kind, self._model), None
         elif abs(sensors.tick - newest.tick) <= JUMP:

@@ -1,5 +1,7 @@
 """The estimator's desk, and readings that cannot be of the tick they claim."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,15 @@ def test_a_gap_in_the_readings_costs_one_of_them(ask):
 
 def test_another_run_may_begin_anywhere(ask):
     assert [ask(500), ask(0, "other"), ask(1, "other")] == [500, 0, 1]
+
+
+def test_a_robot_that_is_started_again_and_asks_too_soon_is_answered_in_the_end(ask, monkeypatch):
+    now = [10.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    assert [ask(tick) for tick in (0, 1, 2)] == [0, 1, 2]
+    answers = []
+    for _ in range(4):  # it asks every quarter of a second
+        now[0] += 0.2
+        answers.append(ask(0))
+    assert answers == [None, None, 0, 0]
+    assert ask(1) == 1
