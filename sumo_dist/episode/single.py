@@ -63,6 +63,7 @@ def run_planned(
         )
     except KeyboardInterrupt:
         reason = "interrupted"
+        recording.drop_unfinished()
     except SumoError as error:
         reason = f"fault: {error}"
     recording.commands = guard.account()

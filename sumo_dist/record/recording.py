@@ -17,6 +17,11 @@ from sumo_dist.record.rows import Rows
 
 FORMAT = 1
 _ABOUT = ("config", "commands")  # all other fields are arrays
+_TICKS = ("states", "estimates", "memories")
+_PLANS = (
+    *("plan_numbers", "plan_ticks", "plan_ms", "age_ticks", "lost", "reissued", "rollouts"),
+    *("knots", "costs", "terms"),
+)
 
 
 @dataclass
@@ -81,6 +86,15 @@ class Recording:
         missing = max(0, self._candidates - len(costs))
         self.costs.append(np.pad(costs, (0, missing), constant_values=np.inf))
         self.terms.append(report.terms)
+
+    def drop_unfinished(self) -> None:
+        """Drop a tick or a plan of which an interrupt let only a part be appended."""
+        for names in (_TICKS, _PLANS):
+            columns = [getattr(self, name) for name in names]
+            whole = min(map(len, columns))
+            for column in columns:
+                column.cut(whole)
+        self.traces.cut(len(self.plan_numbers))
 
     @cached_property
     def _candidates(self) -> int:

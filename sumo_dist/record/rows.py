@@ -20,6 +20,7 @@ class Rows(Sequence[Any]):
     def __init__(self, rows: Iterable[Any] = ()) -> None:
         """Start with some rows."""
         self._fresh: list[np.ndarray] = []
+        self._kind = np.empty(0)  # the first row: what a row is like
         self._file: Any = None  # of bytes
         self._resting = 0  # rows in the file
         self._spills = True
@@ -32,27 +33,32 @@ class Rows(Sequence[Any]):
         Raises:
             ValueError: its shape is not that of the rows before.
         """
-        kind = self._fresh[0] if self._fresh else np.asarray(row)
-        fresh = np.array(row, kind.dtype)
-        if fresh.shape != kind.shape:
-            raise ValueError(f"a row of shape {fresh.shape} among rows of shape {kind.shape}")
+        if not len(self):
+            self._kind = np.array(row)
+        fresh = np.array(row, self._kind.dtype)
+        if fresh.shape != self._kind.shape:
+            raise ValueError(f"a row of shape {fresh.shape} among rows of shape {self._kind.shape}")
         self._fresh.append(fresh)
         if self._spills and len(self._fresh) > 1 + SPILL_BYTES // (fresh.nbytes + OVERHEAD_BYTES):
             self._spill()
 
+    def cut(self, length: int) -> None:
+        """Drop the last rows, so that no more than `length` are left."""
+        self._resting = min(self._resting, length)
+        del self._fresh[length - self._resting :]
+
     def _spill(self) -> None:
-        """Move all fresh rows but the last, which shows what a row is like, to the file."""
-        *moving, last = self._fresh
+        """Move all fresh rows to the file."""
+        moving = np.array(self._fresh)
         try:
             self._file = self._file or tempfile.TemporaryFile()  # noqa: SIM115  # lives as we do
-            self._file.seek(self._resting * last.nbytes)
-            self._file.write(np.array(moving).tobytes())
+            self._file.seek(self._resting * self._kind.nbytes)
+            self._file.write(moving.tobytes())
             self._file.flush()
         except OSError:  # a full disk costs memory, not rows
             self._spills = False
             return
-        self._resting += len(moving)
-        self._fresh = [last]
+        self._resting, self._fresh = self._resting + len(moving), []
 
     def __len__(self) -> int:
         return self._resting + len(self._fresh)
@@ -72,9 +78,11 @@ class Rows(Sequence[Any]):
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """Return all rows, (len(self), ...)."""
-        fresh = np.array(self._fresh, dtype)
-        return np.concatenate([self._rested(), fresh]) if self._resting else fresh
+        rows = np.array(self._fresh, self._kind.dtype)
+        if self._resting:
+            rows = np.concatenate([self._rested(), *([rows] if self._fresh else [])])
+        return rows if dtype is None else rows.astype(dtype)
 
     def _rested(self) -> np.ndarray:
-        kind = self._fresh[0]
-        return np.memmap(self._file, kind.dtype, "r", shape=(self._resting, *kind.shape))
+        shape = (self._resting, *self._kind.shape)
+        return np.memmap(self._file, self._kind.dtype, "r", shape=shape)

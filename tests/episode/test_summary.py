@@ -142,3 +142,11 @@ def test_plans_of_different_sizes_are_kept_and_counted(recording, tmp_path):
     assert np.isfinite(again.costs[-1]).tolist() == [True] * 5 + [False] * 27
     summary = summarise(again, Ending("timeout", wall_s=1.0))
     assert (summary["rollouts_per_plan_p50"], summary["rollouts_per_plan_min"]) == (32.0, 5)
+
+
+def test_a_tick_and_a_plan_that_were_interrupted_are_dropped(recording):
+    recording.states.append(np.zeros(3))
+    recording.plan_numbers.append(6)
+    recording.drop_unfinished()
+    summary = summarise(recording, Ending("interrupted", 1.0))
+    assert (summary["plans"], summary["robot_time_s"]) == (4, 1.0)

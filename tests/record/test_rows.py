@@ -51,6 +51,16 @@ def test_memory_stays_as_it_is(monkeypatch, shape):
     assert held < 100_000
 
 
+@pytest.mark.parametrize("length", [100, 99, 40, 1])
+def test_cut_drops_the_last_rows(grown, length):
+    found, expected = grown
+    found.cut(length)
+    np.testing.assert_array_equal(list(found), expected[:length])
+    found.append(expected[0])
+    np.testing.assert_array_equal(np.array(found)[-1], expected[0])
+    assert len(found) == length + 1
+
+
 def test_numbers_are_rows_too():
     found = Rows([3, 4, 5])
     assert list(found) == [3, 4, 5]
