@@ -71,7 +71,8 @@ def test_it_stands_without_workers_or_plans_and_goes_on_when_they_are_back(start
     assert np.linalg.norm(standing[-1] - standing[0]) < 0.08  # in 0.2 s
     assert len(recording.plan_numbers) > gap + 5  # plans came back
     assert recorded[:, 2].min() > G1.fall_height
-    assert summary["commands"]["non-finite"] == summary["commands"]["rate"] == 0
+    assert summary["commands"]["non-finite"] == 0
+    assert summary["commands"]["rate"] <= 2  # the guard may soften the steps at which plans return
 
 
 @pytest.mark.parametrize("lost", ["state-estimator", "router"])
