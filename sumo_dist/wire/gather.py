@@ -256,8 +256,8 @@ class RemoteEvaluator:
             self._refused(job, reply)
             return
         # From late answers too: those in time alone would make a worker look faster than it is.
-        pace = len(reply.valid) / max(reply.compute_ms, 1e-3)
-        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * pace
+        speed = len(reply.valid) / max(reply.compute_ms, 1e-3)
+        worker.speed = SPEED_MEMORY * worker.speed + (1.0 - SPEED_MEMORY) * speed
         shard = job.shards.get(reply.shard)
         if shard is None or (reply.number, reply.iteration) != (job.request.number, job.iteration):
             return  # late: its plan has gone out
