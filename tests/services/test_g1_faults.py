@@ -74,7 +74,7 @@ def test_it_stands_without_workers_or_plans_and_goes_on_when_they_are_back(start
     assert summary["commands"]["non-finite"] == 0
     # The arms follow the plan itself: only where it returns may the guard have to soften a step.
     step = np.abs(np.diff(recording.targets, axis=0)) / 0.02
-    softened = np.flatnonzero((step > np.array(G1.safety.target_rate) - 1e-6).any(axis=1))
+    softened = 1 + np.flatnonzero((step > np.array(G1.safety.target_rate) - 1e-6).any(axis=1))
     assert summary["commands"]["rate"] == len(softened)
     assert all(back <= tick <= back + 3 for tick in softened)
 
