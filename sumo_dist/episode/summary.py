@@ -31,10 +31,9 @@ class Ending:
 
     @property
     def exit_code(self) -> int:
-        """0 success, 1 task not achieved, 3 fault."""
-        if self.reason == "success":
-            return 0
-        return 3 if self.reason.startswith(FAULTS) else 1
+        """0 success, 1 task not achieved, 3 fault, 130 interrupted."""
+        codes = {"success": 0, "interrupted": 130}
+        return codes.get(self.reason, 3 if self.reason.startswith(FAULTS) else 1)
 
 
 def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:

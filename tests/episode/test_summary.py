@@ -50,7 +50,7 @@ def recording():
         ("success", 0),
         ("timeout", 1),
         ("fell", 1),
-        ("interrupted", 3),
+        ("interrupted", 130),
         ("fault: no answer to the request for a plan in 60 s", 3),
         ("fault: no state for 0.2 s, the robot sat down", 3),
     ],

@@ -1,3 +1,4 @@
+import signal
 import socket
 import subprocess
 import sys
@@ -79,6 +80,8 @@ class System:
     def __init__(self, launcher, bus, out):
         self._launcher, self._out = launcher, out
         self.newest_plan = -1
+        self.plans = 0  # that were published
+        self.answered = 0  # rollouts that the newest of them rests on
         bus.subscribe(PlanMessage, self._on_plan)
         self._services = {}
         self.processes = {}
@@ -121,12 +124,22 @@ class System:
         plan = message.plan
         if plan.tick == anchor_tick(plan.number):  # not one of the calibration
             self.newest_plan = max(self.newest_plan, plan.number)
+            self.plans += 1
+            self.answered = int(message.finite.sum())
 
-    def after_plan(self, number, timeout=30.0):
+    def after_plan(self, number):
         """Wait until a plan of the run, or a later one, was published."""
+        self._while(lambda: self.newest_plan < number, f"plan {number} did not come")
+
+    def after_more_plans(self, count):
+        """Wait until as many more plans were published, whatever their numbers."""
+        end = self.plans + count
+        self._while(lambda: self.plans < end, f"{count} more plans did not come")
+
+    def _while(self, condition, complaint, timeout=30.0):
         deadline = time.monotonic() + timeout
-        while self.newest_plan < number:
-            assert time.monotonic() < deadline, f"plan {number} did not come"
+        while condition():
+            assert time.monotonic() < deadline, complaint
             assert self.processes["robot-interface"].poll() is None, "the robot has ended"
             time.sleep(0.002)
 
@@ -134,6 +147,13 @@ class System:
         """Wait for the robot to end; return its exit code and the summary."""
         code = self.processes["robot-interface"].wait(timeout)
         return code, read_summary(self._out)
+
+    def interrupt(self):
+        """End a run that has shown what it should, however long that took; return its summary."""
+        self.signal("robot-interface", signal.SIGINT)
+        code, summary = self.finish()
+        assert (code, summary["end_reason"]) == (130, "interrupted")
+        return summary
 
     def recording(self):
         return Recording.load(self._out / "run.npz")

@@ -55,13 +55,13 @@ def assert_it_lies_at_rest(system):
 
 
 def test_it_stands_without_workers_or_plans_and_goes_on_when_they_are_back(start):
-    system = start(time_limit=3.0)
+    system = start(time_limit=60.0)
     system.after_plan(4)
     system.restart("local-0", pause=0.5)
     system.after_plan(12)
     system.restart("optimizer", pause=3.0)  # 0.9 s of robot time: the plan of 0.4 s runs out
-    code, summary = system.finish()
-    assert (code, summary["end_reason"]) == (1, "timeout")
+    system.after_more_plans(8)
+    summary = system.interrupt()
     recording = system.recording()
     gap = int(np.argmax(np.diff(recording.plan_ticks)))
     left, back = recording.plan_ticks[gap : gap + 2]

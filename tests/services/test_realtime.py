@@ -13,6 +13,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 SPEED = 0.3  # a planning period is 0.17 s of wall time
 LIMIT = 1.0  # [s]: 20 plans
+LONG = 60.0  # a limit that no test waits for [s]
 
 
 @pytest.fixture(autouse=True)
@@ -64,12 +65,15 @@ def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
     assert robot_stood(system)
 
 
-def test_without_workers_the_plan_goes_on_until_one_is_back(start):
-    system = start(workers=1, time_limit=2.0)
+def test_without_workers_the_plan_goes_on_until_one_is_back(start, eventually):
+    system = start(workers=1, time_limit=LONG)
     system.after_plan(8)
-    system.restart("local-0", pause=0.5)  # a quick one would still answer before the deadline
-    code, summary = system.finish()
-    assert (code, summary["end_reason"]) == (1, "timeout")
+    system.kill("local-0")
+    assert eventually(lambda: system.answered == 0)
+    system.start_again("local-0")
+    assert eventually(lambda: system.answered > 0, 30.0)
+    system.after_more_plans(3)
+    system.interrupt()
     recording = system.recording()
     assert not np.isfinite(recording.costs[9:]).all()  # some plans had no rollouts
     assert np.isfinite(recording.costs[-1][: recording.rollouts[-1]]).all()
@@ -90,12 +94,11 @@ def test_without_an_optimizer_the_robot_follows_its_plan_and_then_stands(start):
 
 
 def test_a_restarted_optimizer_goes_on(start):
-    system = start(time_limit=2.0)
+    system = start(time_limit=LONG)
     system.after_plan(5)
     system.restart("optimizer")
-    code, summary = system.finish()
-    assert (code, summary["end_reason"]) == (1, "timeout")
-    assert system.recording().plan_numbers[-1] >= 24
+    system.after_more_plans(10)
+    system.interrupt()
     assert robot_stood(system)
 
 

@@ -17,6 +17,7 @@ from sumo_dist.wire.messages import Health, PlanMessage
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 SPEED = 0.8  # of the wall clock: stops take seconds of robot time
+LONG = 60.0  # a limit that no test waits for [s]
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +59,7 @@ def mode(health):
 
 
 def test_it_goes_on_only_when_it_is_told_to(run_system, endpoint, capfd, eventually):
-    system = run_system(speed=SPEED, clock="realtime", time_limit=5.0, resume_wait=15.0)
+    system = run_system(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=30.0)
     with Bus.dial(endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
@@ -68,16 +69,14 @@ def test_it_goes_on_only_when_it_is_told_to(run_system, endpoint, capfd, eventua
         assert mode(health) == "stopped"  # plans alone do not make it move
         assert give("resume", endpoint, capfd)[0] == 0
         assert eventually(lambda: mode(health) == "running", 10.0)
-        after = system.newest_plan
-        assert eventually(lambda: system.newest_plan > after + 5, 10.0)
-    code, summary = system.finish(timeout=40.0)
-    assert (code, summary["end_reason"]) == (1, "timeout")
+        system.after_more_plans(30)  # 1.5 s: the policy lifts what the servos cannot
+    system.interrupt()
     z = heights(system)
     assert z.min() < 0.3 < 0.45 < z[-1]
 
 
 def test_a_robot_that_lost_its_state_does_not_rise_without_one(run_system, endpoint, eventually):
-    system = run_system(speed=SPEED, clock="realtime", time_limit=5.0, resume_wait=60.0)
+    system = run_system(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=60.0)
     with Bus.dial(endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
@@ -95,8 +94,8 @@ def test_a_robot_that_lost_its_state_does_not_rise_without_one(run_system, endpo
         system.start_again("state-estimator")
         assert eventually(lambda: mode(health) == "running", 30.0)
         order.join(10.0)
-    code, summary = system.finish(timeout=60.0)
-    assert (code, summary["end_reason"]) == (1, "timeout")
+        system.after_more_plans(5)
+    system.interrupt()
 
 
 def test_plans_of_another_robot_are_refused(run_system, endpoint, eventually):
