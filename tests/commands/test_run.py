@@ -220,7 +220,7 @@ def test_ctrl_c_keeps_what_a_run_in_one_process_has_recorded(tmp_path):
     assert "cost" in process.stderr.readline()  # the first plan is made
     process.send_signal(signal.SIGINT)
     code, out, _ = finish(process)
-    assert code == 3
+    assert code == 130
     assert "not solved: interrupted" in out
     assert json.loads((tmp_path / "summary.json").read_text())["end_reason"] == "interrupted"
     assert len(Recording.load(tmp_path / "run.npz").states) >= 1
