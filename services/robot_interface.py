@@ -19,6 +19,7 @@ from sumo_dist.planner.follow import misfit
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
 from sumo_dist.rollout import engine_identity, make_controller
+from sumo_dist.services.priority import goes_first
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
@@ -142,7 +143,8 @@ class _Body:
         # With a given speed too: it waits until everybody is there.
         fitting = calibrate(self.plant, self._controller.initial_memory(), self._link)
         speed = self._options.speed or fitting
-        self._tell("info", f"realtime at {speed:.3f} of the wall clock")
+        priority = "real-time" if goes_first() else "normal"
+        self._tell("info", f"realtime at {speed:.3f} of the wall clock, {priority} priority")
         self.began = time.monotonic()
         self._loop = RealtimeLoop(
             *(self.plant, self.guard, self._controller, self._task, self._referee, self._link),

@@ -20,6 +20,7 @@ from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
 from sumo_dist.rollout.interface import Engine
+from sumo_dist.services.priority import give_way
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.gather import misfit
@@ -28,7 +29,6 @@ from sumo_dist.wire.keys import BY_HAND, checked_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
-NICENESS = 5  # the robot and the optimizer of the same machine go first
 log = logging.getLogger("sumo_dist.worker")
 Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
 
@@ -66,7 +66,7 @@ class WorkerOptions:
 def run(options: WorkerOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
     _, build = engine_identity(options.engine)
-    os.nice(NICENESS)
+    give_way()
     inbox = Inbox()
     with (
         Bus.dial(options.connect, options.robot) as bus,

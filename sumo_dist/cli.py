@@ -69,6 +69,7 @@ COMMANDS = {
         "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
     ),
     "bench latency": Command("Count successes with late plans", "sumo_dist.bench.latency"),
+    "bench jitter": Command("Time how late the robot's commands are", "sumo_dist.bench.jitter"),
     "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.fuzz"),
     "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
     "bench optimizers": Command(

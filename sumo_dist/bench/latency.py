@@ -65,7 +65,7 @@ class Options:
     jobs: int | None = None
 
     def __post_init__(self) -> None:
-        if self.trials < 1 or (self.jobs or 1) < 1:
+        if min(self.trials, 1 if self.jobs is None else self.jobs) < 1:
             raise UsageError("trials and jobs must be at least 1")
 
 

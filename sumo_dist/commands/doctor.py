@@ -231,6 +231,21 @@ def cpu_quota() -> float | None:
         return None
 
 
+def priority() -> Finding:
+    """Do robot, estimator, optimizer and router go before everything else on the machine."""
+    from sumo_dist.services.priority import VARIABLE, go_first, goes_first
+
+    before = goes_first()
+    if go_first():
+        if not before:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        return Finding("ok", "the robot's services run with real-time priority")
+    if os.environ.get(VARIABLE) == "normal":
+        return Finding("warn", f"normal, as {VARIABLE} says: commands may be late in realtime")
+    hint = "let the user have rtprio 10 (Linux: /etc/security/limits.conf)"
+    return Finding("warn", f"no real-time priority: commands may be late; {hint}")
+
+
 def planning() -> Finding:
     """How long a plan takes in one process with all cores, and what that allows in realtime."""
     from sumo_dist.bench.report import cores as count
@@ -265,5 +280,6 @@ CHECKS: dict[str, Callable[[], Finding]] = {
     "rerun": rerun,
     "rendering": rendering,
     "cores": cores,
+    "priority": priority,
     "planning": planning,
 }

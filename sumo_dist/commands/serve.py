@@ -14,6 +14,7 @@ from sumo_dist.services import robot_interface, rollout_worker, state_estimator,
 from sumo_dist.services import router as router_service
 from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services.launcher import PARENT
+from sumo_dist.services.priority import go_first
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 Estimator = state_estimator.EstimatorOptions
@@ -39,21 +40,21 @@ class Router:
 
 def router(options: Router) -> int:
     """Route until stopped."""
-    with service() as stop:
+    with service(first=True) as stop:
         router_service.serve(options.listen, stop, options.config)
     return 0
 
 
 def estimator(options: Estimator) -> int:
     """Estimate until stopped."""
-    with service() as stop:
+    with service(first=True) as stop:
         state_estimator.run(options, stop)
     return 0
 
 
 def optimizer(options: Optimizer) -> int:
     """Plan until stopped."""
-    with service() as stop:
+    with service(first=True) as stop:
         optimizer_service.run(options, stop)
     return 0
 
@@ -81,14 +82,19 @@ def tracer(options: Tracer) -> int:
 
 def robot(options: Robot) -> int:
     """Run one episode."""
-    with service() as stop:
+    with service(first=True) as stop:
         return robot_interface.run(options, stop)
 
 
 @contextmanager
-def service() -> Iterator[threading.Event]:
-    """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death."""
+def service(first: bool = False) -> Iterator[threading.Event]:
+    """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death.
+
+    With `first`, the service is one that the robot waits for.
+    """
     logs.configure()
+    if first:
+        go_first()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -55,6 +56,21 @@ def test_a_package_out_of_range_is_named(monkeypatch):
     found = doctor.packages()
     assert found.level == "fail"
     assert "is not >=99,<100" in found.text
+
+
+def test_normal_priority_is_a_warning_that_says_why(monkeypatch):
+    monkeypatch.setenv("SUMO_DIST_PRIORITY", "normal")
+    assert doctor.priority().level == "warn"
+    assert "SUMO_DIST_PRIORITY" in doctor.priority().text
+    monkeypatch.delenv("SUMO_DIST_PRIORITY")
+    monkeypatch.setattr("sumo_dist.services.priority.go_first", lambda: False)
+    assert "limits.conf" in doctor.priority().text
+
+
+def test_the_doctor_keeps_its_own_priority():
+    before = os.sched_getscheduler(0)
+    doctor.priority()
+    assert os.sched_getscheduler(0) == before
 
 
 def test_an_old_python_is_refused(monkeypatch):
