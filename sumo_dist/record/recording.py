@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
 
@@ -120,11 +120,16 @@ class Recording:
 
     def save(self, path: Path) -> None:
         """Write atomically: a reader sees the whole file or none."""
-        names = [each.name for each in fields(self) if each.name not in _ABOUT]
-        arrays: dict[str, Any] = {name: np.array(getattr(self, name)) for name in names}
         partial = path.with_suffix(".part.npz")
-        config, commands = json.dumps(self.config), json.dumps(self.commands)
-        np.savez_compressed(partial, format=FORMAT, config=config, commands=commands, **arrays)
+        about = {"format": FORMAT, "config": json.dumps(self.config)}
+        about["commands"] = json.dumps(self.commands)
+        with ZipFile(partial, "w", ZIP_DEFLATED) as archive:
+            for name, value in about.items():
+                with archive.open(f"{name}.npy", "w") as file:
+                    np.lib.format.write_array(file, np.asanyarray(value))
+            for name in (each.name for each in fields(self) if each.name not in _ABOUT):
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                    getattr(self, name).write(file)
         partial.replace(path)
 
     @classmethod

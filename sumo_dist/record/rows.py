@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Rows(Sequence[Any]):
     def __init__(self, rows: Iterable[Any] = ()) -> None:
         """Start with some rows."""
         self._fresh: list[np.ndarray] = []
-        self._kind = np.empty(0)  # the first row: what a row is like
+        self._kind = np.zeros(())  # the first row: what a row is like
         self._file: Any = None  # of bytes
         self._resting = 0  # rows in the file
         self._spills = True
@@ -69,20 +69,42 @@ class Rows(Sequence[Any]):
         row = range(len(self))[index]
         if row >= self._resting:
             return self._fresh[row - self._resting][()]
-        return np.array(self._rested()[row])[()]
+        return self._read(row, 1)[0]
 
     def __iter__(self) -> Iterator[Any]:
-        if self._resting:
-            yield from self._rested()
-        yield from (row[()] for row in self._fresh)
+        for block in self._blocks():
+            yield from block
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """Return all rows, (len(self), ...)."""
-        rows = np.array(self._fresh, self._kind.dtype)
-        if self._resting:
-            rows = np.concatenate([self._rested(), *([rows] if self._fresh else [])])
+        rows = np.empty((len(self), *self._kind.shape), self._kind.dtype)
+        begin = 0
+        for block in self._blocks():
+            rows[begin : begin + len(block)] = block
+            begin += len(block)
         return rows if dtype is None else rows.astype(dtype)
 
-    def _rested(self) -> np.ndarray:
-        shape = (self._resting, *self._kind.shape)
-        return np.memmap(self._file, self._kind.dtype, "r", shape=shape)
+    def write(self, file: IO[bytes]) -> None:
+        """Write all rows as a .npy file, without ever having them all in memory."""
+        header = {
+            "descr": np.lib.format.dtype_to_descr(self._kind.dtype),
+            "fortran_order": False,
+            "shape": (len(self), *self._kind.shape),
+        }
+        np.lib.format.write_array_header_1_0(file, header)
+        for block in self._blocks():
+            file.write(block.tobytes())
+
+    def _blocks(self) -> Iterator[np.ndarray]:
+        """Yield all rows, some SPILL_BYTES of them at a time."""
+        size = 1 + SPILL_BYTES // max(1, self._kind.nbytes)
+        for begin in range(0, self._resting, size):
+            yield self._read(begin, min(size, self._resting - begin))
+        if self._fresh:
+            yield np.array(self._fresh)
+
+    def _read(self, begin: int, count: int) -> np.ndarray:
+        """Return rows of the file."""
+        self._file.seek(begin * self._kind.nbytes)
+        read = self._file.read(count * self._kind.nbytes)
+        return np.ndarray((count, *self._kind.shape), self._kind.dtype, read)

@@ -1,4 +1,5 @@
 import errno
+import io
 import tempfile
 import tracemalloc
 
@@ -94,3 +95,43 @@ def test_a_full_disk_costs_memory_and_no_rows(monkeypatch):
     monkeypatch.setattr(tempfile, "TemporaryFile", full)
     expected = np.arange(300.0).reshape(100, 3)
     np.testing.assert_array_equal(np.array(Rows(expected)), expected)
+
+
+@pytest.mark.parametrize("kind", ["<f4", "<f8", "<i8", "?"])
+def test_writes_what_numpy_would(monkeypatch, kind):
+    monkeypatch.setattr(rows, "SPILL_BYTES", 500)
+    expected = (np.random.default_rng(0).normal(size=(100, 3)) * 9).astype(kind)
+    ours, numpys = io.BytesIO(), io.BytesIO()
+    Rows(expected).write(ours)
+    np.save(numpys, expected)
+    assert ours.getvalue() == numpys.getvalue()
+
+
+def test_no_rows_are_an_empty_array():
+    ours, numpys = io.BytesIO(), io.BytesIO()
+    Rows().write(ours)
+    np.save(numpys, np.array(Rows()))
+    assert ours.getvalue() == numpys.getvalue()
+    assert np.array(Rows()).shape == (0,)
+
+
+def test_rows_without_numbers_rest_on_disk_too(monkeypatch):
+    monkeypatch.setattr(rows, "SPILL_BYTES", 500)
+    found = Rows(np.empty((20, 0)))
+    assert np.array(found).shape == (20, 0)
+    assert found[3].shape == (0,)
+    assert len(list(found)) == 20
+
+
+def test_reading_and_writing_take_little_memory(monkeypatch, tmp_path):
+    monkeypatch.setattr(rows, "SPILL_BYTES", 50_000)
+    found = Rows(np.zeros((20_000, 64)))  # 10 MB
+    tracemalloc.start()
+    try:
+        with (tmp_path / "rows.npy").open("wb") as file:
+            found.write(file)
+        assert sum(1 for _ in found) == 20_000
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 500_000
