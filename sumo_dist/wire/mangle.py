@@ -93,7 +93,8 @@ class Mangler:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._over.set()
+        with self._lock:  # Zenoh still hands over what it had queued, and the ends close in turn
+            self._over.set()
         self._courier.join()
         for receiver in self._receivers:
             receiver.undeclare()
@@ -115,6 +116,8 @@ class Mangler:
     def _message(self, end: int, sample: zenoh.Sample) -> None:
         key, payload, wait = str(sample.key_expr), sample.payload.to_bytes(), 0.0
         with self._lock:
+            if self._over.is_set():
+                return
             self.done["passed"] += 1
             for rule in self._rules:
                 if not rule.hits(key, self._rng):
@@ -152,8 +155,8 @@ class Mangler:
     def _token(self, end: int, sample: zenoh.Sample) -> None:
         key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
         with self._lock:
-            if key in self._tokens[end]:
-                return  # our own
+            if self._over.is_set() or key in self._tokens[end]:  # at its end, and our own
+                return
             (self._seen[end].add if alive else self._seen[end].discard)(key)
             if not self._is_cut():
                 self._show(1 - end, key, alive)
