@@ -97,5 +97,5 @@ def test_it_may_end_with_messages_on_their_way(endpoints, monkeypatch, capfd):
 
 @pytest.mark.parametrize(("kind", "share"), [("burn", 1.0), ("drop", 0.0), ("drop", 1.5)])
 def test_a_rule_that_makes_no_sense_is_refused(kind, share):
-    with pytest.raises(UsageError, match="valid|share must be in"):
+    with pytest.raises(UsageError, match=r"valid|share must be in"):
         Rule(kind, share)
