@@ -88,14 +88,17 @@ def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any
             "out": folder,
         }
         given = [text for name, value in flags.items() for text in (f"--{name}", str(value))]
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *given],
-            env={**os.environ, VARIABLE: choice},
-            capture_output=True,
-            text=True,
-            timeout=START_S + options.seconds,
-            check=False,
-        )
+        try:
+            done = subprocess.run(
+                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *given],
+                env={**os.environ, VARIABLE: choice},
+                capture_output=True,
+                text=True,
+                timeout=START_S + options.seconds,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise SumoError(f"the run with seed {seed} hung for {error.timeout:g} s") from None
         if done.returncode not in (0, 1):
             raise SumoError(f"the run with seed {seed} failed: {done.stderr.strip()[-500:]}")
         if choice != "normal" and f"{choice} priority" not in done.stderr:
