@@ -5,6 +5,7 @@ four such hand-overs (decision 0011).
 """
 
 import os
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,6 +16,7 @@ CHOICES = ("real-time", "normal")
 RANK = 10  # of SCHED_RR, which has 1 to 99: before all that is normal, behind what drives hardware
 NICENESS = 10
 AUTOGROUP = Path("/proc/self/autogroup")
+PATIENCE_S = 2.0  # for the turn of many workers that start at once
 
 
 def go_first() -> bool:
@@ -41,6 +43,14 @@ def goes_first() -> bool:
 def give_way() -> None:
     """Let the other services of this machine go before this process."""
     os.nice(NICENESS)
-    # Linux may group processes by session, and then weighs niceness within one only.
-    with suppress(OSError):
-        AUTOGROUP.write_text(str(NICENESS), encoding="ascii")
+    # Linux may group processes by session, and then weighs niceness within one only. A worker of a
+    # terminal shares its session with what else runs there, which must not become slower.
+    deadline = time.monotonic() + PATIENCE_S
+    while os.getsid(0) == os.getpid() and time.monotonic() < deadline:
+        try:
+            AUTOGROUP.write_text(str(NICENESS), encoding="ascii")
+            return
+        except BlockingIOError:  # of those without privileges one gets its turn in 0.1 s
+            time.sleep(0.02)
+        except OSError:
+            return

@@ -1,5 +1,6 @@
-"""What tests of several packages share: reading a Rerun file back, and a short real run."""
+"""What tests of several packages share: a Rerun file read back, a short real run, waiting."""
 
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -59,3 +60,15 @@ def short_run() -> Recording:
     config = EpisodeConfig("spot/move_box", seed=3, planner=planner, time_limit=0.5)
     recording, _ = run_single(config, threads=1)
     return recording
+
+
+@pytest.fixture(scope="session")
+def eventually():
+    def eventually(condition, timeout=5.0):
+        """Wait until a condition holds; return whether it does."""
+        deadline = time.monotonic() + timeout
+        while not (met := condition()) and time.monotonic() < deadline:
+            time.sleep(0.005)
+        return bool(met)
+
+    return eventually

@@ -87,7 +87,7 @@ def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any
             "listen": "tcp/127.0.0.1:0",
             "out": folder,
         }
-        given = [text for name, value in flags.items() for text in (f"--{name}", str(value))]
+        given = [f"--{name}={value}" for name, value in flags.items()]
         try:
             done = subprocess.run(
                 [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *given],

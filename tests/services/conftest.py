@@ -62,18 +62,6 @@ def problem(config):
     return Problem.build(load_task("spot/move_box"), planning_options(config))
 
 
-@pytest.fixture(scope="session")
-def eventually():
-    def eventually(condition, timeout=5.0):
-        """Wait until a condition holds; return whether it does."""
-        deadline = time.monotonic() + timeout
-        while not (met := condition()) and time.monotonic() < deadline:
-            time.sleep(0.005)
-        return bool(met)
-
-    return eventually
-
-
 class System:
     """The services of a run as real processes, which a test may kill, stop and start again."""
 

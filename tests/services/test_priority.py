@@ -66,6 +66,32 @@ def test_a_worker_gives_way_within_its_session_and_among_sessions():
     assert not group or group[-1] == str(priority.NICENESS)
 
 
+def test_workers_that_start_at_once_wait_for_their_turn(monkeypatch):
+    class Busy:
+        refusals, written = 2, None
+
+        def write_text(self, text, encoding):
+            if self.refusals:
+                self.refusals -= 1
+                raise BlockingIOError
+            self.written = text
+
+    group = Busy()
+    monkeypatch.setattr(priority, "AUTOGROUP", group)
+    monkeypatch.setattr(os, "nice", lambda _: 0)
+    monkeypatch.setattr(os, "getsid", lambda _: os.getpid())
+    priority.give_way()
+    assert group.written == str(priority.NICENESS)
+
+
+def test_a_worker_of_a_terminal_leaves_the_others_there_alone(monkeypatch, tmp_path):
+    monkeypatch.setattr(priority, "AUTOGROUP", tmp_path / "autogroup")
+    monkeypatch.setattr(os, "nice", lambda _: 0)
+    monkeypatch.setattr(os, "getsid", lambda _: os.getpid() + 1)
+    priority.give_way()
+    assert not (tmp_path / "autogroup").exists()
+
+
 @pytest.mark.slow
 def test_what_the_robot_waits_for_goes_before_rollouts(run_system):
     system = run_system(workers=1, time_limit=20.0)

@@ -15,13 +15,6 @@ def state(tick):
     return State("run", tick, np.arange(51.0))
 
 
-def eventually(condition, timeout=5.0):
-    deadline = time.monotonic() + timeout
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    return bool(met)
-
-
 @pytest.fixture
 def endpoints(free_endpoint):
     near, far = free_endpoint(), free_endpoint()
@@ -30,7 +23,7 @@ def endpoints(free_endpoint):
 
 
 @pytest.fixture
-def ends(endpoints):
+def ends(endpoints, eventually):
     """A mangler, and a service on each of its sides that sees the other."""
     with (
         Bus.dial(endpoints[0], "spot") as here,
@@ -50,7 +43,7 @@ def test_what_no_rule_hits_passes(ends):
     assert inbox.get(timeout=3.0).tick == 1
 
 
-def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends):
+def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends, eventually):
     mangler, here, inbox, members = ends
     mangler.set((Rule("cut"),))
     assert eventually(lambda: not members.now)
@@ -62,7 +55,7 @@ def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends):
     assert inbox.get(timeout=3.0).tick == 2
 
 
-def test_duplicates_arrive_twice_and_lost_ones_never(ends):
+def test_duplicates_arrive_twice_and_lost_ones_never(ends, eventually):
     mangler, here, inbox, _ = ends
     mangler.set((Rule("duplicate"),))
     here.publish(state(1))
@@ -73,7 +66,7 @@ def test_duplicates_arrive_twice_and_lost_ones_never(ends):
     assert inbox.empty()
 
 
-def test_it_may_end_with_messages_on_their_way(endpoints, monkeypatch, capfd):
+def test_it_may_end_with_messages_on_their_way(endpoints, eventually, monkeypatch, capfd):
     def slow(payload, _rng):
         time.sleep(0.002)
         return payload
