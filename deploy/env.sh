@@ -8,7 +8,8 @@
 # PYTHON=python3.12 chooses .venv and the interpreter it is made with.
 #
 # The install is editable: changed Python files need nothing. A stamp in the environment holds a
-# checksum of what does need an install: dependencies, native sources, compiler, interpreter, place.
+# checksum of what does need an install: dependencies, native sources, compiler, interpreter, place,
+# and the names of the Python files, which the editable install lists.
 
 set -euo pipefail
 
@@ -81,6 +82,7 @@ fingerprint() {
     printf '%s\n' "$root"
     "$1" -c 'import sys; print(sys.version)' 2>/dev/null || true
     command -v "${CXX:-c++}" g++ clang++ || true
+    find "$root"/{sumo_dist,policies,services,tasks} -name '*.py' | LC_ALL=C sort
     cat -- "$root/pyproject.toml" "$root/CMakeLists.txt" "$root"/sumo_dist/rollout/cpp/*
   } | cksum
 }

@@ -1,12 +1,12 @@
 """Low-level policies: pretrained networks that turn a command into joint targets."""
 
 from sumo_dist.policies import g1, spot
-from sumo_dist.policies.contract import PolicyContract, check
+from sumo_dist.policies.contract import PolicyContract
 from sumo_dist.policies.fetch import policy_file
 from sumo_dist.policies.manifest import pinned_policy
 from sumo_dist.policies.policy import Policy
 
-__all__ = ["Policy", "PolicyContract", "check", "load_policy", "policy_file"]
+__all__ = ["Policy", "PolicyContract", "load_policy", "policy_file"]
 
 _LOADERS = {spot.KIND: spot.load, g1.KIND: g1.load}  # by kind in manifest.toml
 

@@ -20,7 +20,7 @@ from sumo_dist.policies.manifest import PinnedPolicy
 from sumo_dist.policies.network import evaluate
 from sumo_dist.policies.onnx_mlp import read_metadata, read_mlp
 from sumo_dist.policies.policy import Policy
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 KIND = "g1_gait"
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")

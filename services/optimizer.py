@@ -12,22 +12,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sumo_dist.episode.local import report
+from sumo_dist.dispatch.evaluator import RemoteEvaluator
+from sumo_dist.dispatch.fit import fitted
+from sumo_dist.episode.follow import misfit
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.fit import fitted
-from sumo_dist.planner.follow import misfit
-from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
+from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.rollout import engine_identity
-from sumo_dist.rollout.interface import TICK, Engine
+from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import TICK, anchor_tick, plan_due
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
-from sumo_dist.wire.gather import RemoteEvaluator
 from sumo_dist.wire.health import Counters, Pulse
 from sumo_dist.wire.keys import BY_HAND
 from sumo_dist.wire.messages import PlanMessage, State, Status
@@ -287,7 +287,7 @@ class Service:
     ) -> PlanReport:
         result = self._planner.plan(request, self._evaluator, rollouts)
         plan_ms = (time.perf_counter() - began) * 1e3
-        return report(
+        return PlanReport.of(
             result,
             plan_ms=plan_ms,
             own_ms=plan_ms - self._evaluator.waited_s * 1e3,

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sumo_dist.dispatch.evaluator import PACE
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.gather import PACE
 from sumo_dist.wire.keys import BY_HAND, Member
 from sumo_dist.wire.messages import (
     Event,

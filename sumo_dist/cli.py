@@ -59,53 +59,56 @@ COMMANDS = {
     "doctor": Command(
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
-    "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.rollout"),
-    "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.policy"),
+    "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.measure.rollout"),
+    "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.measure.policy"),
     "bench safety": Command(
-        "Measure what a robot's limits leave free and how it stops", "sumo_dist.bench.safety"
+        "Measure what a robot's limits leave free and how it stops",
+        "sumo_dist.bench.measure.safety",
     ),
-    "bench messaging": Command("Time what messaging adds to a plan", "sumo_dist.bench.messaging"),
+    "bench messaging": Command(
+        "Time what messaging adds to a plan", "sumo_dist.bench.measure.messaging"
+    ),
     "bench estimator": Command(
-        "Measure how far the estimated state is off", "sumo_dist.bench.estimator"
+        "Measure how far the estimated state is off", "sumo_dist.bench.measure.estimator"
     ),
-    "bench latency": Command("Count successes with late plans", "sumo_dist.bench.latency"),
-    "bench jitter": Command("Time how late the robot's commands are", "sumo_dist.bench.jitter"),
-    "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.fuzz"),
-    "bench episodes": Command("Run many seeds and count successes", "sumo_dist.bench.episodes"),
+    "bench latency": Command("Count successes with late plans", "sumo_dist.bench.measure.latency"),
+    "bench jitter": Command(
+        "Time how late the robot's commands are", "sumo_dist.bench.measure.jitter"
+    ),
+    "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.measure.fuzz"),
+    "bench episodes": Command(
+        "Run many seeds and count successes", "sumo_dist.bench.campaign.episodes"
+    ),
     "bench optimizers": Command(
-        "Compare the optimizers at the same budgets", "sumo_dist.bench.optimizers"
+        "Compare the optimizers at the same budgets", "sumo_dist.bench.campaign.optimizers"
     ),
-    "bench suite": Command("Run a suite of the benchmark", "sumo_dist.bench.suite"),
+    "bench suite": Command("Run a suite of the benchmark", "sumo_dist.bench.campaign.suite"),
     "bench report": Command(
-        "Write a suite's results as a page and a table", "sumo_dist.bench.publish"
+        "Write a suite's results as a page and a table", "sumo_dist.bench.results.publish"
     ),
     "bench compare": Command(
-        "Say what changed between two suites and whether it matters", "sumo_dist.bench.compare"
+        "Say what changed between two suites and whether it matters",
+        "sumo_dist.bench.results.compare",
     ),
-    "router": Command(
-        "Service: connects all others", "sumo_dist.commands.serve", "Router", "router"
-    ),
+    "router": Command("Service: connects all others", "sumo_dist.launch.serve", "Router", "router"),
     "robot-interface": Command(
-        "Service: owns the (simulated) robot", "sumo_dist.commands.serve", "Robot", "robot"
+        "Service: owns the (simulated) robot", "sumo_dist.launch.serve", "Robot", "robot"
     ),
     "state-estimator": Command(
-        "Service: readings to states", "sumo_dist.commands.serve", "Estimator", "estimator"
+        "Service: readings to states", "sumo_dist.launch.serve", "Estimator", "estimator"
     ),
     "optimizer": Command(
-        "Service: makes the plans", "sumo_dist.commands.serve", "Optimizer", "optimizer"
+        "Service: makes the plans", "sumo_dist.launch.serve", "Optimizer", "optimizer"
     ),
     "rollout-worker": Command(
-        "Service: rolls out candidate plans", "sumo_dist.commands.serve", "Worker", "worker"
+        "Service: rolls out candidate plans", "sumo_dist.launch.serve", "Worker", "worker"
     ),
     "trial-worker": Command(
-        "Service: runs trials for a benchmark",
-        "sumo_dist.commands.serve",
-        "TrialWorker",
-        "trials",
+        "Service: runs trials for a benchmark", "sumo_dist.bench.campaign.worker"
     ),
     "tracer": Command(
         "Service: shows and records the run in Rerun",
-        "sumo_dist.commands.serve",
+        "sumo_dist.launch.serve",
         "Tracer",
         "tracer",
     ),

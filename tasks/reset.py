@@ -9,10 +9,10 @@ import numpy as np
 
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.errors import SumoError
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, Scene, build_spec, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
-from sumo_dist.rollout.interface import FrameRef
 
 CLEARANCE = 1.0  # robot to object at the start of a move, centre to centre [m]
 AWAY = 0.5  # object to goal at the start of a move, so that none starts nearly solved [m]

@@ -8,9 +8,9 @@ import numpy as np
 from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
 from sumo_dist.errors import UsageError
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene
 from sumo_dist.robots.robot import ActionSpace
-from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks.reset import Start
 
 Predicate = Callable[[View], np.ndarray]

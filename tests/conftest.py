@@ -1,5 +1,6 @@
-"""What tests of several packages share: a Rerun file read back, a short real run, waiting."""
+"""What tests of several packages share: a router, a start, a Rerun file read back, waiting."""
 
+import socket
 import time
 import warnings
 from collections.abc import Callable
@@ -9,10 +10,13 @@ from typing import Any, NamedTuple
 import pyarrow
 import pytest
 
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.session import open_router
 
 Table = dict[str, list[Any]]  # column -> rows
 
@@ -72,3 +76,45 @@ def eventually():
         return bool(met)
 
     return eventually
+
+
+def _free_endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture(scope="session")
+def free_endpoint():
+    """Return a function that names an endpoint nobody listens on."""
+    return _free_endpoint
+
+
+@pytest.fixture
+def endpoint():
+    """Name an endpoint that nobody listens on."""
+    return _free_endpoint()
+
+
+@pytest.fixture(scope="session")
+def router():
+    """Run one router for all tests in this process; each test uses a robot of its own."""
+    endpoint = _free_endpoint()
+    with open_router(endpoint):
+        yield endpoint
+
+
+@pytest.fixture
+def robot(request):
+    """Name a robot after the test."""
+    return request.node.originalname.replace("_", "-")[:60]
+
+
+@pytest.fixture(scope="session")
+def move_box():
+    return load_task("spot/move_box")
+
+
+@pytest.fixture(scope="session")
+def first_state(move_box):
+    return draw_start(move_box, seed=1)

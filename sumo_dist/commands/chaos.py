@@ -9,12 +9,13 @@ from typing import Annotated, Any
 
 import tyro
 
-from sumo_dist.bench.report import heading, markdown, timing_provenance
-from sumo_dist.chaos.census import Growth
-from sumo_dist.chaos.script import read_script
-from sumo_dist.chaos.stage import play
-from sumo_dist.chaos.verdict import Outcome, counted
+from sumo_dist.bench.layout import heading, markdown
 from sumo_dist.errors import UsageError
+from sumo_dist.faults.growth import Growth
+from sumo_dist.faults.run import play
+from sumo_dist.faults.script import read_script
+from sumo_dist.faults.verdict import Outcome, counted
+from sumo_dist.provenance import timing_provenance
 
 HEADS = (
     *("script", "runs", "faults", "plans", "commands", "rate [1/s]", "rollouts", "resumed [s]"),

@@ -147,7 +147,7 @@ def zenoh() -> Finding:
     """Do two services reach each other through a router on this machine."""
     import numpy as np
 
-    from sumo_dist.services.launcher import listening
+    from sumo_dist.launch.launcher import listening
     from sumo_dist.wire.bus import Bus
     from sumo_dist.wire.messages import RunEnd, State
     from sumo_dist.wire.session import open_router
@@ -208,8 +208,8 @@ def renders(backend: str) -> bool:
 
 def cores() -> Finding:
     """How many cores there are, and who else uses them."""
-    from sumo_dist.bench.report import cores as count
-    from sumo_dist.bench.report import machine
+    from sumo_dist.provenance import cores as count
+    from sumo_dist.provenance import machine
     from sumo_dist.rollout import engine_identity
 
     hints = []
@@ -233,7 +233,7 @@ def cpu_quota() -> float | None:
 
 def priority() -> Finding:
     """Do robot, estimator, optimizer and router go before everything else on the machine."""
-    from sumo_dist.services.priority import VARIABLE, go_first, goes_first
+    from sumo_dist.priority import VARIABLE, go_first, goes_first
 
     before = goes_first()
     if go_first():
@@ -248,9 +248,9 @@ def priority() -> Finding:
 
 def planning() -> Finding:
     """How long a plan takes in one process with all cores, and what that allows in realtime."""
-    from sumo_dist.bench.report import cores as count
     from sumo_dist.policies.fetch import cache_dir
     from sumo_dist.policies.manifest import pinned_policy
+    from sumo_dist.provenance import cores as count
 
     if not (cache_dir() / pinned_policy("spot").file_name).exists():
         return Finding("warn", "not timed: the policy is not in the cache yet")
@@ -262,8 +262,8 @@ def planning() -> Finding:
 
 def plan_times(threads: int) -> list[float]:
     """Wall times of some plans of default settings [ms]."""
-    from sumo_dist.bench.moment import Moment
-    from sumo_dist.bench.planning import in_process, request
+    from sumo_dist.bench.measure.moment import Moment
+    from sumo_dist.bench.measure.planning import in_process, request
     from sumo_dist.episode.config import EpisodeConfig
 
     moment = Moment.load()

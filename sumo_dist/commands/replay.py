@@ -28,7 +28,7 @@ class Options:
 def main(options: Options) -> int:
     """Show or render."""
     recording = Recording.load(options.run / "run.npz")
-    from sumo_dist.record import replay  # needs the view extra
+    from sumo_dist.view import replay  # needs the view extra
 
     if options.render is not None:
         if options.render.suffix not in replay.FILMS:

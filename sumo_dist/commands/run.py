@@ -103,7 +103,7 @@ def main(options: Options) -> int:
     if workers == 0:
         code = _single(episode, threads, out)
     else:
-        from sumo_dist.commands.distributed import Crew, run_distributed
+        from sumo_dist.launch.deployment import Crew, run_distributed
 
         viewer = options.viewer if _has_view() else None
         crew = Crew(
@@ -161,7 +161,7 @@ def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
     recording, ending = run_single(episode, threads, Progress(terms, _say))
     keep(recording, ending, out)
     if _has_view():
-        from sumo_dist.record import replay
+        from sumo_dist.view import replay
 
         try:
             replay.to_rrd(recording, out / "run.rrd")

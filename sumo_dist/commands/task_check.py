@@ -14,7 +14,7 @@ import tyro
 from sumo_dist.commands.doctor import Finding, examine
 from sumo_dist.costs.terms import INDICATORS, evaluate
 from sumo_dist.costs.view import View, ViewLayout
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.math.rotations import from_rotation_vector, multiply
@@ -23,9 +23,10 @@ from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.model.settle import height_above_floor
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.rollout.interface import TICK, Engine
+from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
+from sumo_dist.timing import TICK
 
 # The task of the same robot whose planning time is 1.
 REFERENCES = {"spot": "spot/move_box", "g1": "g1/box_push"}

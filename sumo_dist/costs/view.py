@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
-from sumo_dist.rollout.interface import FrameRef
 
 
 @dataclass(frozen=True)

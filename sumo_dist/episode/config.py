@@ -3,12 +3,12 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from sumo_dist.episode.disturb import plant_profile
-from sumo_dist.episode.summary import versions
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import ESTIMATORS
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
+from sumo_dist.plant.noise import plant_profile
+from sumo_dist.provenance import versions
 from sumo_dist.tasks import task_source
 
 CLOCKS = ("lockstep", "realtime")
@@ -26,7 +26,7 @@ class EpisodeConfig:
         estimator: "truth" or "lowpass".
         time_limit: robot time [s]; None takes the task's.
         engine: kind of rollout engine, see rollout.make_engine.
-        plant: "nominal", "perturbed" or "hard", see episode.disturb.
+        plant: "nominal", "perturbed" or "hard", see plant.noise.
     """
 
     task: str

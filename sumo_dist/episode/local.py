@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
-from sumo_dist.planner.planner import Planner, PlanRequest, PlanResult
+from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.report import PlanReport
 
 
@@ -26,28 +26,10 @@ class LocalPlanning:
         result = self._planner.plan(request, self._evaluate)
         plan_s = time.perf_counter() - began
         self.traces = result.evaluation.traces
-        return report(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
+        return PlanReport.of(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
 
     def _evaluate(self, request: PlanRequest, _iteration: int, knots: np.ndarray) -> Evaluation:
         began = time.perf_counter()
         evaluation = self._evaluator(request.state, request.memory, knots)
         self._rollout_s += time.perf_counter() - began
         return evaluation
-
-
-def report(result: PlanResult, plan_ms: float, own_ms: float, **account: int) -> PlanReport:
-    """Summarise a plan; the account holds PlanReport's counters where they are not zero."""
-    evaluation = result.evaluation
-    finite = np.isfinite(evaluation.costs)
-    return PlanReport(
-        plan=result.plan,
-        costs=np.where(finite, evaluation.costs, 0.0),
-        finite=finite,
-        terms=np.nan_to_num(evaluation.terms[0], nan=0.0, posinf=0.0, neginf=0.0),
-        plan_ms=plan_ms,
-        own_ms=own_ms,
-        lost=int((~evaluation.answered).sum()),
-        invalid=int((evaluation.answered & ~evaluation.valid).sum()),
-        failed=result.failed,
-        **account,
-    )

@@ -8,17 +8,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sumo_dist.episode.plant import Plant
 from sumo_dist.episode.referee import Referee
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate.readings import Readings
-from sumo_dist.planner.plan import Plan, plan_due
+from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.plant.simulated import Plant
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.rollout.interface import Controller
+from sumo_dist.timing import plan_due
 
 Estimate = Callable[[Readings], np.ndarray]
 """Readings up to a tick -> the state (nq + nv,) that policy and planner act on."""

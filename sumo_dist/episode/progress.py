@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 EVERY_TICKS = 100  # two seconds of robot time
 

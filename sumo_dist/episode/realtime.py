@@ -7,19 +7,20 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from sumo_dist.episode.plant import Plant
+from sumo_dist.episode.follow import Follower
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
 from sumo_dist.estimate.readings import Readings
-from sumo_dist.planner.follow import Follower
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.plant.simulated import Plant
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.robot import Robot
-from sumo_dist.rollout.interface import TICK, Controller
+from sumo_dist.rollout.interface import Controller
 from sumo_dist.tasks.task import Task
+from sumo_dist.timing import TICK
 
 PLAN_PERIOD = 0.05  # robot time between plans [s]
 CALIBRATION_PLANS = 12

@@ -5,8 +5,8 @@ import numpy as np
 
 from sumo_dist.costs.terms import fallen
 from sumo_dist.costs.view import View, ViewLayout
-from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks.task import Task
+from sumo_dist.timing import TICK
 
 FALL_S = 1.0  # a robot that is down for this long fell; before, it may still come up
 

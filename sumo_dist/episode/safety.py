@@ -6,7 +6,7 @@ import numpy as np
 
 from sumo_dist.robots.robot import Robot
 from sumo_dist.robots.safety import tilt
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 
 class StateWatch:

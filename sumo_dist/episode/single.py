@@ -3,12 +3,12 @@
 import time
 from collections.abc import Callable
 
+from sumo_dist.episode.assemble import make_guard, make_plant
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.local import LocalPlanning
 from sumo_dist.episode.lockstep import MakePlan, run_lockstep
 from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.start import make_guard, make_plant
-from sumo_dist.episode.summary import Ending
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.planner.evaluate import Evaluator

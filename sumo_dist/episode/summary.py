@@ -1,39 +1,17 @@
 """The account of a finished run: summary.json and the one line a person reads."""
 
-import importlib.metadata
 import json
-import platform
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sumo_dist.episode.ending import Ending
 from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 _TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
-FAULTS = ("interrupted", "fault", "stopped")  # reasons that are not the task's
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended.
-
-    Attributes:
-        reason: the referee's verdict or a named fault.
-        wall_s: wall time of the episode [s].
-    """
-
-    reason: str
-    wall_s: float
-
-    @property
-    def exit_code(self) -> int:
-        """0 success, 1 task not achieved, 3 fault, 130 interrupted."""
-        codes = {"success": 0, "interrupted": 130}
-        return codes.get(self.reason, 3 if self.reason.startswith(FAULTS) else 1)
 
 
 def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
@@ -122,13 +100,6 @@ def one_line(summary: dict[str, Any]) -> str:
     ]
     lost = [f"{summary[key]} {key.replace('_', ' ')}" for key in _TROUBLES if summary[key]]
     return ", ".join(parts + lost)
-
-
-def versions() -> dict[str, str]:
-    """Versions of what decides a run's bits."""
-    names = ("sumo-dist", "mujoco", "numpy", "eclipse-zenoh")
-    found = {name: importlib.metadata.version(name) for name in names}
-    return {**found, "python": platform.python_version(), "machine": platform.machine()}
 
 
 def _age_ms(recording: Recording, percent: int) -> float | None:

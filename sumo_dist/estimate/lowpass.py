@@ -12,7 +12,7 @@ import numpy as np
 from sumo_dist.errors import UsageError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.estimate.tracks import BodyTrack, JointTrack
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 TICK_MS = round(TICK * 1000)
 

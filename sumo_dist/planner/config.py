@@ -12,7 +12,7 @@ from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order
 from sumo_dist.model.scene import PLANT
 from sumo_dist.optim import OPTIMIZERS
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 Execute = Literal["mean", "best"]
 

@@ -9,7 +9,8 @@ from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
-from sumo_dist.rollout.interface import TICK, Engine
+from sumo_dist.rollout.interface import Engine
+from sumo_dist.timing import TICK
 
 TRACE_POINTS = 25
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sumo_dist.math import splines
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,3 @@ class Plan:
         return splines.evaluate(
             splines.weights(self.spline, len(self.knots), self.horizon, times), self.knots
         )
-
-
-def anchor_tick(number: int) -> int:
-    """Tick on which a plan is anchored: every 2 and 3 ticks in turn, 20 Hz on average."""
-    return 5 * number // 2
-
-
-def plan_due(tick: int) -> int | None:
-    """Return the number of the plan anchored on a tick, or None."""
-    number = -(-2 * tick // 5)
-    return number if anchor_tick(number) == tick else None

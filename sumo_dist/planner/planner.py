@@ -10,7 +10,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.plan import Plan
 from sumo_dist.robots.robot import ActionSpace
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from sumo_dist.model.scene import ModelOptions, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.policies import Policy, load_policy
-from sumo_dist.policies.contract import check
+from sumo_dist.robots.compatibility import check
 from sumo_dist.rollout import make_engine
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks.task import Task

@@ -1,10 +1,12 @@
 """What a planner tells about each plan: the plan, its candidates' costs, and how it went."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.planner import PlanResult
 
 
 @dataclass(frozen=True)
@@ -38,3 +40,21 @@ class PlanReport:
     invalid: int = 0
     failed: bool = False
     workers: int = 0
+
+    @classmethod
+    def of(cls, result: PlanResult, plan_ms: float, own_ms: float, **account: int) -> Self:
+        """Summarise a plan; the account holds counters where they are not zero."""
+        evaluation = result.evaluation
+        finite = np.isfinite(evaluation.costs)
+        return cls(
+            plan=result.plan,
+            costs=np.where(finite, evaluation.costs, 0.0),
+            finite=finite,
+            terms=np.nan_to_num(evaluation.terms[0], nan=0.0, posinf=0.0, neginf=0.0),
+            plan_ms=plan_ms,
+            own_ms=own_ms,
+            lost=int((~evaluation.answered).sum()),
+            invalid=int((evaluation.answered & ~evaluation.valid).sum()),
+            failed=result.failed,
+            **account,
+        )

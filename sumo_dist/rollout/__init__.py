@@ -1,21 +1,18 @@
 """Policy-in-the-loop rollouts: a native engine, and a fallback where it was not compiled."""
 
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import mujoco
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.rollout.interface import Controller, Engine, FrameRef, Rollouts
-
-if TYPE_CHECKING:
-    from sumo_dist.policies import Policy
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.policies.policy import Policy
+from sumo_dist.rollout.interface import Controller, Engine, Rollouts
 
 __all__ = [
     "ENGINES",
     "Controller",
     "Engine",
-    "FrameRef",
     "Rollouts",
     "engine_identity",
     "make_controller",
@@ -24,13 +21,12 @@ __all__ = [
 
 ENGINES = ("auto", "native", "native-portable", "fallback")
 
-# The engines are imported where they are made: they know policies, whose contract knows this
-# package's tick, and the native one may not be there.
+# An engine is imported where it is made: the native one may not be there.
 
 
 def make_engine(
     model: mujoco.MjModel,
-    policy: "Policy",
+    policy: Policy,
     frames: tuple[FrameRef, ...],
     threads: int,
     kind: str = "auto",
@@ -59,7 +55,7 @@ def make_engine(
     return FallbackEngine(model, policy, frames, threads)
 
 
-def make_controller(policy: "Policy", model: mujoco.MjModel, kind: str = "auto") -> Controller:
+def make_controller(policy: Policy, model: mujoco.MjModel, kind: str = "auto") -> Controller:
     """Return the policy as a function of one robot, by the same code as the engine of this kind.
 
     Raises:

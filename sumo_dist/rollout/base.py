@@ -2,16 +2,16 @@
 
 import copy
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.rollout.interface import TICK, FrameRef, Rollouts
-
-if TYPE_CHECKING:
-    from sumo_dist.policies import Policy
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.policies.policy import Policy
+from sumo_dist.rollout.interface import Rollouts
+from sumo_dist.timing import TICK
 
 RESET_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # everything a step starts from
 HUGE = 1e10  # magnitude at which MuJoCo calls a value bad
@@ -35,7 +35,7 @@ class RolloutEngine(ABC):
     build: str
 
     def __init__(
-        self, model: mujoco.MjModel, policy: "Policy", frames: tuple[FrameRef, ...], threads: int
+        self, model: mujoco.MjModel, policy: Policy, frames: tuple[FrameRef, ...], threads: int
     ) -> None:
         if threads < 1:
             raise UsageError(f"threads: {threads}; at least 1 is needed")

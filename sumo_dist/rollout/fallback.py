@@ -3,19 +3,17 @@
 import hashlib
 import platform
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from sumo_dist.errors import UsageError
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.policies import network
+from sumo_dist.policies.policy import Policy
 from sumo_dist.rollout.base import DIVERGED, HUGE, RolloutEngine
-from sumo_dist.rollout.interface import FrameRef, Rollouts
-
-if TYPE_CHECKING:
-    from sumo_dist.policies import Policy
+from sumo_dist.rollout.interface import Rollouts
 
 CHUNK = 32  # rows that are simulated at a time
 
@@ -32,7 +30,7 @@ class FallbackEngine(RolloutEngine):
     """Rollouts in chunks of rows; a policy's `step` does not mix rows, nor does `mujoco.batch`."""
 
     def __init__(
-        self, model: mujoco.MjModel, policy: "Policy", frames: tuple[FrameRef, ...], threads: int
+        self, model: mujoco.MjModel, policy: Policy, frames: tuple[FrameRef, ...], threads: int
     ) -> None:
         super().__init__(model, policy, frames, threads)
         self.name, self.build = identity()

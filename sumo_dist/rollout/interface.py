@@ -5,15 +5,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-TICK = 0.02  # one policy step [s]; all of robot time is counted in these
-
-
-@dataclass(frozen=True)
-class FrameRef:
-    """A frame whose pose the engine records: a site or a body of the model."""
-
-    kind: str  # "site" | "body"
-    name: str
+from sumo_dist.model.frames import FrameRef
 
 
 @dataclass(frozen=True)

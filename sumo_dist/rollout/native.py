@@ -3,19 +3,17 @@
 import ctypes
 import platform
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError, unknown
-from sumo_dist.policies import g1, spot
-from sumo_dist.rollout import _native, hold
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.policies import g1, hold, spot
+from sumo_dist.policies.policy import Policy
+from sumo_dist.rollout import _native
 from sumo_dist.rollout.base import DIVERGED, RESET_STATE, RolloutEngine, frame_arrays
-from sumo_dist.rollout.interface import FrameRef, Rollouts
-
-if TYPE_CHECKING:
-    from sumo_dist.policies import Policy
+from sumo_dist.rollout.interface import Rollouts
 
 GROUP = 8  # simulations per thread: they share a network evaluation; many would outgrow the cache
 
@@ -33,7 +31,7 @@ class NativeEngine(RolloutEngine):
     def __init__(
         self,
         model: mujoco.MjModel,
-        policy: "Policy",
+        policy: Policy,
         frames: tuple[FrameRef, ...],
         threads: int,
         portable: bool = False,
@@ -98,7 +96,7 @@ class NativeEngine(RolloutEngine):
 class NativeController:
     """The policy by the engine's own code, one robot at a time; see `interface.Controller`."""
 
-    def __init__(self, policy: "Policy", portable: bool = False) -> None:
+    def __init__(self, policy: Policy, portable: bool = False) -> None:
         self._initial_memory = policy.initial_memory()
         self._targets = len(policy.contract.joints)
         self._policy = native_policy(policy, portable)
@@ -127,7 +125,7 @@ class NativeController:
         return targets, following
 
 
-def _spot_relic(policy: "Policy", portable: bool) -> _native.Policy:
+def _spot_relic(policy: Policy, portable: bool) -> _native.Policy:
     return _native.spot_relic(
         policy.layers,
         spot.JOINTS_TO_NETWORK,
@@ -138,7 +136,7 @@ def _spot_relic(policy: "Policy", portable: bool) -> _native.Policy:
     )
 
 
-def _g1_gait(policy: "Policy", portable: bool) -> _native.Policy:
+def _g1_gait(policy: Policy, portable: bool) -> _native.Policy:
     return _native.g1_gait(
         policy.layers,
         g1.JOINT_OFFSETS,
@@ -154,19 +152,19 @@ def _g1_gait(policy: "Policy", portable: bool) -> _native.Policy:
     )
 
 
-def _hold_targets(policy: "Policy", portable: bool) -> _native.Policy:
+def _hold_targets(policy: Policy, portable: bool) -> _native.Policy:
     del portable  # there is no network
     return _native.hold_targets(len(policy.contract.joints))
 
 
-NATIVE_POLICIES: dict[str, Callable[["Policy", bool], _native.Policy]] = {
+NATIVE_POLICIES: dict[str, Callable[[Policy, bool], _native.Policy]] = {
     spot.KIND: _spot_relic,
     g1.KIND: _g1_gait,
     hold.KIND: _hold_targets,
 }
 
 
-def native_policy(policy: "Policy", portable: bool) -> _native.Policy:
+def native_policy(policy: Policy, portable: bool) -> _native.Policy:
     """Build the native twin of a policy.
 
     Raises:

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.sinks import LogSinkLike
 
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 from sumo_dist.view.rrd_file import RrdFile
 
 APPLICATION = "sumo-dist"

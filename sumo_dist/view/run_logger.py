@@ -8,10 +8,11 @@ import numpy as np
 import rerun as rr
 
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.rollout.interface import TICK, FrameRef
 from sumo_dist.tasks.task import Task
+from sumo_dist.timing import TICK
 from sumo_dist.view import about
 from sumo_dist.view.blueprint import layout
 from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, Color, goal_rings, ranked

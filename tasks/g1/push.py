@@ -8,9 +8,9 @@ import numpy as np
 
 from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
-from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks.g1.terms import (
     FALL,
     ROBOT_FRAMES,

@@ -6,10 +6,10 @@ import numpy as np
 
 from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.g1 import G1
 from sumo_dist.robots.robot import ActionSpace
-from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks.reset import Start, redraw
 
 FLOOR_FRICTION = 1.0

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from sumo_dist.rollout.interface import FrameRef
-from sumo_dist.tasks.families import AXLE_LEVEL, Manipuland, anywhere, move, upright
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.tasks.reset import Ring
+from sumo_dist.tasks.spot.families import AXLE_LEVEL, Manipuland, anywhere, move, upright
 from sumo_dist.tasks.task import Task
 
 BOX = Manipuland("box", "objects/box.xml", rest_z=0.254, any_side=True)

@@ -63,7 +63,7 @@ def test_normal_priority_is_a_warning_that_says_why(monkeypatch):
     assert doctor.priority().level == "warn"
     assert "SUMO_DIST_PRIORITY" in doctor.priority().text
     monkeypatch.delenv("SUMO_DIST_PRIORITY")
-    monkeypatch.setattr("sumo_dist.services.priority.go_first", lambda: False)
+    monkeypatch.setattr("sumo_dist.priority.go_first", lambda: False)
     assert "limits.conf" in doctor.priority().text
 
 

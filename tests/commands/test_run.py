@@ -17,9 +17,6 @@ from sumo_dist.policies.fetch import cached
 from sumo_dist.policies.manifest import pinned_policy
 from sumo_dist.record.recording import Recording
 
-# it has waited long enough when test_serve.py asks how it ended
-pytestmark = pytest.mark.usefixtures("lonely_worker")
-
 QUICK = ["--set", "rollouts=6", "--set", "horizon=0.3", "--viewer", "none"]
 FREE = ["--listen", "tcp/127.0.0.1:0"]
 KEYS = {

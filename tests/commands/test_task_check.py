@@ -16,7 +16,7 @@ FAULTY = """
 from dataclasses import replace
 import numpy as np
 from sumo_dist.costs.terms import CostTerm, norm
-from sumo_dist.rollout.interface import FrameRef
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.tasks import load_task
 
 BOX = load_task("spot/move_box")

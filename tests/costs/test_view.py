@@ -4,7 +4,7 @@ import pytest
 
 from sumo_dist.costs.view import ViewLayout
 from sumo_dist.errors import UsageError
-from sumo_dist.rollout.interface import FrameRef
+from sumo_dist.model.frames import FrameRef
 
 MODEL = mujoco.MjModel.from_xml_string("""
 <mujoco>

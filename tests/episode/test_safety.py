@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sumo_dist.episode.plant import Plant
+from sumo_dist.episode.assemble import make_guard
 from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
-from sumo_dist.episode.start import make_guard
 from sumo_dist.math.rotations import from_rotation_vector
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.settle import settled_stand
+from sumo_dist.plant.simulated import Plant
 from sumo_dist.policies import load_policy
 from sumo_dist.robots.g1 import G1
 from sumo_dist.robots.safety import tilt
 from sumo_dist.robots.spot import SPOT
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.single import run_single
 from sumo_dist.errors import UsageError
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.plan import anchor_tick
+from sumo_dist.timing import anchor_tick
 
 QUICK = PlannerConfig(rollouts=6, horizon=0.5)
 

@@ -4,13 +4,15 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from sumo_dist.episode.summary import Ending, one_line, read_summary, summarise, write_summary
+from sumo_dist.episode.ending import Ending
+from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.plan import Plan, anchor_tick
+from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.rows import Rows
+from sumo_dist.timing import anchor_tick
 
 CONFIG = {
     "task_name": "spot/move_box",

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from sumo_dist.episode.plant import ENCODER_PERIOD_MS, mocap_times_ms
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.math.rotations import from_rotation_vector, multiply
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, Scene, SceneObject, compile_model
+from sumo_dist.plant.simulated import ENCODER_PERIOD_MS, mocap_times_ms
 from sumo_dist.robots.spot import SPOT
 
 SCENE = Scene(SPOT, (SceneObject("box", "objects/box.xml"),))

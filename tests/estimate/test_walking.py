@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sumo_dist.episode.plant import Plant
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.estimate import make_estimator
 from sumo_dist.math.rotations import (
     conjugate,
@@ -17,6 +16,7 @@ from sumo_dist.math.rotations import (
 )
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.plant.simulated import Plant
 from sumo_dist.policies import load_policy
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks import load_task

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from sumo_dist.errors import UsageError
 from sumo_dist.math.splines import evaluate, weights
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 ORDERS = ("zero", "linear", "cubic")
 orders = st.sampled_from(ORDERS)

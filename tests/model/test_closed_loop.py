@@ -15,7 +15,7 @@ from sumo_dist.model.scene import PLANT, Scene, compile_model
 from sumo_dist.model.settle import settled_stand
 from sumo_dist.policies import load_policy
 from sumo_dist.robots.spot import ARM_STOWED, SPOT
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 STANDING_UP = 2.0  # the references leave out the first part of a run [s]
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sumo_dist.bench.feet import full_feet
+from sumo_dist.bench.measure.feet import full_feet
 from sumo_dist.model.scene import ASSETS, PLANT, Scene, compile_model
 from sumo_dist.robots.g1 import G1
 

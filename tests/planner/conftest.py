@@ -1,6 +1,6 @@
 import pytest
 
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.problem import Problem, planning_options

@@ -3,7 +3,7 @@ import pytest
 
 from sumo_dist.errors import UsageError
 from sumo_dist.planner.evaluate import TRACE_POINTS, Evaluation, Evaluator
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.timing import TICK
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import sumo_dist
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANNING
 from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.planner.problem import Problem
 from sumo_dist.robots.spot import spot_actions
-from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks import load_task
 
 HERE = __name__.partition(".")[0]
@@ -119,7 +119,7 @@ def test_a_task_has_the_same_hash_in_another_process():
 
 def test_the_hash_of_a_task_names_goal_frames_and_actions(tmp_path):
     """None of them is in the cost table or in the source of its functions."""
-    crate = "from sumo_dist.tasks.families import Manipuland, move\n\ndef task():\n" + (
+    crate = "from sumo_dist.tasks.spot.families import Manipuland, move\n\ndef task():\n" + (
         '    return move(Manipuland("box", "objects/box.xml", rest_z={}))\n'
     )
     (tmp_path / "a.py").write_text(crate.format(0.254))

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sumo_dist.planner.plan import Plan, anchor_tick, plan_due
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.planner.plan import Plan
+from sumo_dist.timing import TICK, anchor_tick, plan_due
 
 KNOTS = np.array([[0.0], [0.9], [-0.9], [0.3]], np.float32)
 

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from sumo_dist.episode.safety import sitting_down
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANNING, PLANT, Scene, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
-from sumo_dist.policies import check, load_policy
+from sumo_dist.policies import load_policy
+from sumo_dist.robots.compatibility import check
 from sumo_dist.robots.g1 import G1, SIDES, g1_actions
 from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.rollout import make_controller, make_engine
-from sumo_dist.rollout.interface import TICK, FrameRef
+from sumo_dist.timing import TICK
 
 PAIRS = {
     "spot": (SPOT, "spot", spot_actions()),

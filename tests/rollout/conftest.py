@@ -4,12 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import ModelOptions, Scene, SceneObject, compile_model
 from sumo_dist.model.settle import settled_stand
 from sumo_dist.policies import load_policy
 from sumo_dist.robots.spot import SPOT, spot_actions
-from sumo_dist.rollout import ENGINES, FrameRef
-from sumo_dist.rollout.interface import TICK
+from sumo_dist.rollout import ENGINES
+from sumo_dist.timing import TICK
 
 COMPILED = find_spec("sumo_dist.rollout._native") is not None
 

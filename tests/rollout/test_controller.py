@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.policies.hold import hold_targets
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.rollout import make_controller, make_engine
-from sumo_dist.rollout.hold import hold_targets
 
 
 @pytest.fixture

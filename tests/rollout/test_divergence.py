@@ -4,10 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.policies import PolicyContract
+from sumo_dist.policies.hold import hold_targets
 from sumo_dist.robots.spot import SPOT
-from sumo_dist.rollout import FrameRef, make_engine
-from sumo_dist.rollout.hold import hold_targets
+from sumo_dist.rollout import make_engine
 
 SLIDER = """
 <mujoco>

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from sumo_dist.errors import UsageError
-from sumo_dist.rollout import FrameRef, make_engine
-from sumo_dist.rollout.hold import hold_targets
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.policies.hold import hold_targets
+from sumo_dist.rollout import make_engine
 
 ROWS, TICKS = 5, 12
 

@@ -1,5 +1,4 @@
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -9,47 +8,21 @@ from functools import cache
 
 import pytest
 
-from sumo_dist.commands.distributed import Crew, services
-from sumo_dist.commands.serve import Router
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import read_summary
+from sumo_dist.launch.deployment import Crew, services
+from sumo_dist.launch.launcher import Launcher, Service, flags
+from sumo_dist.launch.serve import Router
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.plan import anchor_tick
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.recording import Recording
-from sumo_dist.services.launcher import Launcher, Service, flags
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import PlanMessage
-from sumo_dist.wire.session import open_router
 
 QUICK = PlannerConfig(rollouts=10, horizon=0.4)
-
-
-def free_endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-@pytest.fixture
-def endpoint():
-    """Name an endpoint that nobody listens on."""
-    return free_endpoint()
-
-
-@pytest.fixture(scope="session")
-def shared_router():
-    """Run one router for all tests in this process; each test uses a robot of its own."""
-    endpoint = free_endpoint()
-    with open_router(endpoint):
-        yield endpoint
-
-
-@pytest.fixture
-def robot(request):
-    return request.node.originalname.replace("_", "-")[:60]
 
 
 @pytest.fixture(scope="session")

@@ -6,13 +6,13 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from sumo_dist.dispatch.evaluator import RESEND_S
+from sumo_dist.episode.assemble import make_plant
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.start import make_plant
 from sumo_dist.rollout import engine_identity
 from sumo_dist.services.optimizer import Feed, OptimizerOptions, run
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.gather import RESEND_S
 from sumo_dist.wire.messages import PlanMessage, RolloutReply, RolloutRequest, State, Status
 
 TASK = load_task("spot/move_box")
@@ -70,9 +70,9 @@ class Ends:
 
 
 @pytest.fixture
-def ends(shared_router, robot):
+def ends(router, robot):
     with ExitStack() as stack:
-        yield Ends(stack, shared_router, robot)
+        yield Ends(stack, router, robot)
 
 
 @pytest.mark.parametrize("order", [(state(4), status(4)), (status(4), state(4))])
@@ -143,11 +143,11 @@ class Crew:
         self.bus.publish(RolloutReply(*who, *costs, 1.0, ""))
 
 
-def test_one_status_of_a_tiny_speed_does_not_make_a_plan_wait(shared_router, robot, config):
+def test_one_status_of_a_tiny_speed_does_not_make_a_plan_wait(router, robot, config):
     """Else a plan whose answers are lost waits for them instead of its deadline."""
     plant = make_plant(EpisodeConfig(TASK.name, 1), TASK)
     with ExitStack() as stack:
-        crew = Crew(stack, shared_router, robot, config)
+        crew = Crew(stack, router, robot, config)
         crew.loses = lambda asked: asked.reply_budget_ms > 1e4
         deadline = time.monotonic() + 60.0
         for tick in itertools.count():

@@ -8,9 +8,10 @@ import pytest
 
 from sumo_dist.cli import main
 from sumo_dist.commands import orders
-from sumo_dist.planner.plan import Plan, anchor_tick
+from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.robots.spot import SPOT
+from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import Health, PlanMessage
 
@@ -120,7 +121,7 @@ def test_plans_of_another_robot_are_refused(run_system, endpoint, eventually):
     assert heights(system).min() > 0.4
 
 
-def test_nobody_to_stop_is_said(shared_router, capfd, monkeypatch):
+def test_nobody_to_stop_is_said(router, capfd, monkeypatch):
     monkeypatch.setattr(orders, "PATIENCE_S", 0.5)
-    assert main(["stop", "--connect", shared_router, "--robot", "nobody"]) == 3
+    assert main(["stop", "--connect", router, "--robot", "nobody"]) == 3
     assert "nobody did not stop within 0.5 s: it says nothing" in capfd.readouterr().err

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.start import draw_start
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.services.tracer import Backlog, Candidates, TracerOptions, run

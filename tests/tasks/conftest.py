@@ -2,15 +2,9 @@ import numpy as np
 import pytest
 
 from sumo_dist.costs.view import Frame, View
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
-from sumo_dist.tasks import load_task
-
-
-@pytest.fixture(scope="session")
-def move_box():
-    return load_task("spot/move_box")
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,11 @@ from numpy.linalg import norm
 
 from sumo_dist.costs.terms import evaluate
 from sumo_dist.costs.view import Frame, View, ViewLayout
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.math.rotations import from_rotation_vector
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
-from sumo_dist.rollout.interface import FrameRef
 from sumo_dist.tasks import load_task
 
 OBJECTS = ("box", "chair", "cone", "tire", "rack")

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.start import draw_start
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.tasks import load_task

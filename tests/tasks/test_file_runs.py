@@ -7,7 +7,7 @@ import sys
 import pytest
 
 CRATE = """
-from sumo_dist.tasks.families import Manipuland, move
+from sumo_dist.tasks.spot.families import Manipuland, move
 
 def task():
     return move(Manipuland("crate", "objects/box.xml", rest_z=0.254))

@@ -8,13 +8,13 @@ from numpy.linalg import norm
 
 from sumo_dist.costs.terms import evaluate
 from sumo_dist.costs.view import Frame, View, ViewLayout
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.math.rotations import from_rotation_vector, matrix
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.problem import Problem
-from sumo_dist.rollout.interface import TICK
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import TICK
 
 PUSHES = ("g1/box_push", "g1/chair_push", "g1/table_push")
 TASKS = (*PUSHES, "g1/door_open")

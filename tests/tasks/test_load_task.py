@@ -17,7 +17,7 @@ BARREL = """
 </mujoco>
 """
 GOOD = """
-from sumo_dist.tasks.families import Manipuland, move
+from sumo_dist.tasks.spot.families import Manipuland, move
 
 def task():
     return move(Manipuland("barrel", "barrel.xml", rest_z=0.35))

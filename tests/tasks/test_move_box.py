@@ -10,9 +10,9 @@ from numpy import mean
 from numpy.linalg import norm
 
 from sumo_dist.costs.terms import evaluate
-from sumo_dist.episode.start import draw_start
+from sumo_dist.episode.assemble import draw_start
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.robots.spot import SPOT
-from sumo_dist.rollout.interface import FrameRef
 
 paths = arrays(float, (5, 3), elements=st.floats(-10, 10))
 P_GOAL = np.array([0.0, 0.0, 0.254])  # the box's centre when it rests on the origin [m]

@@ -1,0 +1,232 @@
+"""Rolls out and costs candidate plans for whoever asks. Keeps nothing that a plan depends on.
+
+A worker is started for no task: the first request names one, and it compiles that task itself.
+"""
+
+import logging
+import os
+import re
+import socket
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sumo_dist.dispatch.evaluator import misfit
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation, Evaluator
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.priority import give_way
+from sumo_dist.rollout import engine_identity
+from sumo_dist.rollout.interface import Engine
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.health import Counters, Pulse
+from sumo_dist.wire.keys import BY_HAND, checked_name
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+log = logging.getLogger("sumo_dist.worker")
+Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
+
+
+def unique_name() -> str:
+    """Return a name that no other process on any host has."""
+    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()).strip("-")[:40]
+    return f"{host or 'host'}-{os.getpid()}"
+
+
+@dataclass(frozen=True)
+class WorkerOptions:
+    """A worker.
+
+    Attributes:
+        connect: the router's endpoint.
+        robot: whose plans to work for.
+        name: unique among the workers; by default host and process.
+        threads: rollout threads.
+        engine: kind of rollout engine, see rollout.make_engine.
+    """
+
+    connect: str = DEFAULT_ENDPOINT
+    robot: str = "spot"
+    name: str = field(default_factory=unique_name)
+    threads: int = 1
+    engine: str = "auto"
+
+    def __post_init__(self) -> None:
+        checked_name("worker", self.name)
+        if not 1 <= self.threads <= 256:
+            raise UsageError(f"threads must be from 1 to 256, got {self.threads}")
+
+
+def run(options: WorkerOptions, stop: threading.Event) -> None:
+    """Serve until told to stop."""
+    _, build = engine_identity(options.engine)
+    give_way()
+    inbox = Inbox()
+    with (
+        Bus.dial(options.connect, options.robot) as bus,
+        Workshop(options) as workshop,
+        Pulse(bus, BY_HAND, options.name, workshop.health),
+    ):
+        bus.subscribe(RolloutRequest, inbox.put, address=options.name)
+        optimizers = bus.watch("optimizer")
+        bus.announce("worker", options.name, build)
+        while not stop.is_set():
+            for optimizer in optimizers.now:
+                if reason := misfit(optimizer, build):
+                    raise SumoError(f"this worker does not fit the optimizer: {reason}")
+            request = inbox.get(timeout=0.1)
+            if request is None:
+                continue
+            reply, traces = workshop.answer(request)
+            bus.publish(reply)
+            if reply.refusal:
+                log.error("refused plan %d: %s", request.number, reply.refusal)
+            if traces is not None:
+                bus.publish(traces)
+
+
+class Inbox:
+    """Requests still worth answering: those of the newest plan, within their budget of time."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._arrived = threading.Condition()
+        self._waiting: deque[tuple[float, RolloutRequest]] = deque()
+
+    def put(self, request: RolloutRequest) -> None:
+        """Take a request; what was asked for an earlier plan or another run is forgotten."""
+        plan = (request.run, request.number, request.iteration)
+        with self._arrived:
+            newest = [w for _, w in self._waiting if (w.run, w.number, w.iteration) == plan]
+            if self._waiting and not newest:
+                last = self._waiting[-1][1]
+                if last.run == request.run and last.order > request.order:
+                    return
+                self._waiting.clear()
+            self._waiting.append((time.monotonic(), request))
+            self._arrived.notify()
+
+    def get(self, timeout: float) -> RolloutRequest | None:
+        """Return the next request, waiting up to timeout [s]."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: bool(self._waiting), timeout)
+            while self._waiting:
+                arrived, request = self._waiting.popleft()
+                late = (time.monotonic() - arrived) * 1e3 > request.reply_budget_ms
+                if request.reply_budget_ms == 0 or not late:
+                    return request
+            return None
+
+
+class Workshop:
+    """The task that is worked on, and the newest answers, in case they are asked for again."""
+
+    def __init__(self, options: WorkerOptions) -> None:
+        """Start with no task."""
+        self._options = options
+        self._key: Key | None = None
+        self._problem: Problem | None = None
+        self._engine: Engine | None = None
+        self._evaluator: Evaluator | None = None
+        self._plan: tuple[str, int, int] | None = None
+        self._answers: dict[bytes, tuple[Evaluation, float]] = {}
+        self._done = self._refusals = 0  # requests answered and refused
+        self._busy_ms = 0.0
+
+    def health(self) -> tuple[str, Counters]:
+        """How it is, for whoever watches."""
+        task = self._key[0] if self._key else ""
+        counters = {"answered": self._done, "refused": self._refusals, "task": task}
+        return "worker", {**counters, "busy s": round(self._busy_ms / 1e3, 1)}
+
+    def __enter__(self) -> "Workshop":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._leave()
+
+    def answer(self, request: RolloutRequest) -> tuple[RolloutReply, Traces | None]:
+        """Roll out a shard; what cannot be done is a reply that says why."""
+        try:
+            evaluation, compute_ms = self._evaluate(request)
+        except SumoError as error:
+            self._refusals += 1
+            return self._reply(
+                request, np.empty((0, 0)), np.empty(0, bool), refusal=str(error)
+            ), None
+        self._done, self._busy_ms = self._done + 1, self._busy_ms + compute_ms
+        valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
+        terms = np.where(valid[:, None], evaluation.terms, 0.0)
+        traces = Traces(
+            request.run,
+            self._options.name,
+            request.number,
+            request.iteration,
+            request.start,
+            np.nan_to_num(evaluation.traces),
+        )
+        return self._reply(request, terms, valid, compute_ms), traces
+
+    def _evaluate(self, request: RolloutRequest) -> tuple[Evaluation, float]:
+        evaluator = self._prepare(request)
+        plan = (request.run, request.number, request.iteration)
+        if plan != self._plan:
+            self._plan, self._answers = plan, {}
+        # A number may be asked for twice with another content: by a restarted optimizer.
+        question = request.state, request.memory, request.knots
+        content = b"".join(array.tobytes() for array in question)
+        if content not in self._answers:
+            began = time.perf_counter()
+            evaluation = evaluator(*question)
+            self._answers[content] = evaluation, (time.perf_counter() - began) * 1e3
+        return self._answers[content]
+
+    def _prepare(self, request: RolloutRequest) -> Evaluator:
+        """Compile what the request is about, unless that is what the last one was about."""
+        key = (request.task, tuple(sorted(request.settings.items())))
+        if key != self._key or self._evaluator is None or self._problem is None:
+            self._leave()
+            config = PlannerConfig.from_settings(request.settings)
+            problem = Problem.build(load_task(request.task), planning_options(config))
+            self._engine = problem.engine(self._options.threads, self._options.engine)
+            self._evaluator = Evaluator(problem, self._engine, config)
+            self._key, self._problem = key, problem
+        if self._problem.hash != request.task_hash:
+            raise SumoError(
+                f"its {request.task} has hash {self._problem.hash}, the optimizer's has "
+                f"{request.task_hash}: the task's files differ between the hosts"
+            )
+        return self._evaluator
+
+    def _leave(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+        self._key = self._problem = self._engine = self._evaluator = self._plan = None
+        self._answers = {}
+
+    def _reply(
+        self,
+        request: RolloutRequest,
+        terms: np.ndarray,
+        valid: np.ndarray,
+        compute_ms: float = 0.0,
+        refusal: str = "",
+    ) -> RolloutReply:
+        return RolloutReply(
+            run=request.run,
+            worker=self._options.name,
+            number=request.number,
+            iteration=request.iteration,
+            shard=request.shard,
+            start=request.start,
+            terms=terms,
+            valid=valid,
+            compute_ms=compute_ms,
+            refusal=refusal,
+        )

@@ -1,0 +1,183 @@
+"""A campaign: many trials in processes of their own, journalled so that it can be killed."""
+
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sumo_dist.bench.campaign.job import Job, Row, common_settings, place, run_trial, task_settings
+from sumo_dist.bench.campaign.processes import Pool, Processes, run_each
+from sumo_dist.bench.campaign.remote import remote_pool
+from sumo_dist.bench.layout import say
+from sumo_dist.bench.results.journal import Journal, Trial
+from sumo_dist.bench.results.outcomes import recording_folder
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.provenance import cores, provenance
+from sumo_dist.wire.session import checked_endpoint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Options of every bench that runs trials.
+
+    Attributes:
+        trials: seeds per task.
+        seed0: the first seed.
+        preset: the planner's settings to start from: default or paper.
+        optimizer: one of those of `sumo-dist list`; by default the preset's.
+        set: planner settings as key=value; `sumo-dist list` names all.
+        engine: auto, native, native-portable or fallback; auto does not take the fallback.
+        time_limit: robot time per trial [s]; the tasks' own by default.
+        jobs: trials at a time in this machine's processes; by default one for each core.
+        listen: endpoint for `sumo-dist trial-worker` of other hosts, such as tcp/0.0.0.0:7448;
+            with it, jobs may be 0.
+        plant: nominal, perturbed or hard, see `sumo-dist run --help`.
+        estimator: truth or lowpass.
+    """
+
+    trials: int = 20
+    seed0: int = 1
+    preset: str = "default"
+    optimizer: str | None = None
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    engine: str = "auto"
+    time_limit: float | None = None
+    jobs: int | None = None
+    listen: str | None = None
+    plant: str = "nominal"
+    estimator: str = "truth"
+
+    def __post_init__(self) -> None:
+        for name, least in (("trials", 1), ("jobs", 1 if self.listen is None else 0)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise UsageError(f"{name} must be at least {least}, got {value}")
+        if self.listen is not None:
+            checked_endpoint(self.listen)
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of every task."""
+        return range(self.seed0, self.seed0 + self.trials)
+
+    def planner(self) -> PlannerConfig:
+        """Return the planner's settings, checked."""
+        return PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
+
+    def episode(self, task: str, seed: int) -> EpisodeConfig:
+        """Return what decides a trial, checked."""
+        return EpisodeConfig(
+            *(task, seed, self.planner()),
+            estimator=self.estimator,
+            time_limit=self.time_limit,
+            engine=self.engine,
+            plant=self.plant,
+        )
+
+
+class Campaign:
+    """Runs trials of some tasks and keeps their rows in a journal."""
+
+    def __init__(self, settings: Settings, trials: Sequence[Trial], path: Path) -> None:
+        """Check everything that can be wrong before hours are spent, and read what is done.
+
+        Args:
+            settings: of all trials.
+            trials: in the order they are run in.
+            path: of the journal.
+
+        Raises:
+            UsageError: a setting is wrong, or the journal was made with other settings.
+        """
+        self.trials = trials
+        self._jobs = cores() if settings.jobs is None else settings.jobs
+        self._listen = settings.listen
+        self._episodes = {trial: settings.episode(trial.task, trial.seed) for trial in trials}
+        self._common = common_settings(next(iter(self._episodes.values())))
+        one_each = {episode.task: episode for episode in self._episodes.values()}
+        self._of_task = {task: task_settings(episode) for task, episode in one_each.items()}
+        self._journal = Journal(path, self._settings, say)
+        self._about = {"provenance": provenance()}
+
+    def run(self, recordings: Path | None = None) -> None:
+        """Run what the journal lacks, and say how it goes.
+
+        Args:
+            recordings: folder that gets a recording of each of these trials.
+
+        Raises:
+            SumoError: the process of a trial died; all others were run.
+        """
+        todo = [
+            self._job(trial, recording_folder(recordings, trial) if recordings else None)
+            for trial in self.trials
+            if trial not in self._journal.rows
+        ]
+        if done := len(self.trials) - len(todo):
+            say(f"{self._journal.path} has {done} of {len(self.trials)} trials, {len(todo)} to go")
+        for job, row in self._each(todo):
+            self._journal.append(row)
+            say(f"{place(job)}: {_ending(row)}")
+
+    def record(self, trials: Iterable[Trial], recordings: Path) -> None:
+        """Run finished trials again for the recordings that are not there yet.
+
+        Raises:
+            SumoError: a trial did not repeat to the last bit, or its process died.
+        """
+        todo = [
+            self._job(trial, folder, self._journal.rows[trial]["state_digest"])
+            for trial in trials
+            if not ((folder := recording_folder(recordings, trial)) / "run.npz").exists()
+        ]
+        for job, _ in self._each(todo):
+            say(f"{place(job)}: recorded in {job.folder}")
+
+    def rows(self) -> list[Row]:
+        """Rows of the trials that are done, in their order."""
+        return [self._journal.rows[trial] for trial in self.trials if trial in self._journal.rows]
+
+    def _settings(self, trial: Trial) -> Row:
+        return {**self._common, **self._of_task.get(trial.task, {})}
+
+    def _job(self, trial: Trial, folder: Path | None, digest: str | None = None) -> Job:
+        settings = {**trial._asdict(), **self._settings(trial), **self._about}
+        return Job(trial, self._episodes[trial], settings, folder, digest)
+
+    def _each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
+        began, died = time.monotonic(), 0
+        with ExitStack() as stack:
+            pools = [stack.enter_context(pool) for pool in self._pools(todo)]
+            for number, (job, row) in enumerate(run_each(todo, pools), 1):
+                left = (time.monotonic() - began) / number * (len(todo) - number)
+                sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
+                if row is None:
+                    died += 1
+                    say(f"{place(job)}: its process died")
+                else:
+                    yield job, row
+        if died:
+            raise SumoError(
+                f"the processes of {died} trials died (out of memory?); run again to repeat them"
+            )
+
+    def _pools(self, todo: Sequence[Job]) -> Iterator[AbstractContextManager[Pool[Job]]]:
+        """Yield what runs the trials; recordings are made here, where their folder is."""
+        if self._listen is None or not todo or any(job.folder for job in todo):
+            yield Processes(run_trial, max(1, self._jobs))
+            return
+        yield Processes(run_trial, self._jobs)
+        yield remote_pool(self._listen, self._common["engine_build"], say)
+
+
+def _ending(row: Row) -> str:
+    distance = row["final_goal_distance_m"]
+    left_off = f", object {distance:.2f} m from its goal" if distance is not None else ""
+    return f"{row['end_reason']} at {row['robot_time_s']:.1f} s{left_off}"

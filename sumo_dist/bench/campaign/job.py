@@ -1,0 +1,116 @@
+"""One trial of a campaign: an episode, and the row that the journal gets of it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sumo_dist.bench.campaign.standing import run_standing
+from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.results.journal import STANDING, Trial
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.referee import Referee
+from sumo_dist.episode.single import run_single
+from sumo_dist.episode.summary import summarise, write_summary
+from sumo_dist.errors import SumoError
+from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.provenance import provenance
+from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A trial as it is sent to its process.
+
+    Attributes:
+        trial: which one.
+        episode: what to run.
+        settings: what its row carries to be told from trials of other settings.
+        folder: for its recording, if wanted.
+        digest: of the states of the same trial before, which must come out again.
+    """
+
+    trial: Trial
+    episode: EpisodeConfig
+    settings: Mapping[str, Any]
+    folder: Path | None = None
+    digest: str | None = None
+
+
+def run_alone(variant: str, episode: EpisodeConfig) -> Row:
+    """Run a trial without a campaign around it, and return its row."""
+    trial = Trial(episode.task, episode.seed, variant)
+    settings = {**common_settings(episode), **task_settings(episode)}
+    return run_trial(
+        Job(trial, episode, {**trial._asdict(), **settings, "provenance": provenance()})
+    )
+
+
+def run_trial(job: Job) -> Row:
+    """Run one episode in this process and return its row."""
+    if job.trial.variant == STANDING:
+        recording, ending = run_standing(job.episode)
+    else:
+        recording, ending = run_single(job.episode, threads=1)
+    row = {**summarise(recording, ending), **job.settings, **outcome(job.episode, recording)}
+    if job.digest not in (None, row["state_digest"]):
+        raise SumoError(
+            f"{place(job)} did not repeat: its states have the digest "
+            f"{row['state_digest'][:12]}, in the journal it is {job.digest[:12]}; "
+            "equal bits need the same build and the same kind of processor"
+        )
+    if job.folder is not None:
+        job.folder.mkdir(parents=True, exist_ok=True)
+        write_summary(row, job.folder)
+        recording.save(job.folder / "run.npz")
+    return row
+
+
+def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
+    """Return where an episode left off.
+
+    Costs are those of the unperturbed candidate, term by term: the last plan's and the mean over
+    all plans; the distance is the object's from its goal [m], if there is one.
+    """
+    task = load_task(episode.task)
+    referee = Referee(task, compile_model(task.scene, PLANT))
+    terms = np.array(recording.terms).reshape(len(recording.terms), -1)
+    names = recording.config["terms"] if terms.size else ()
+    distance = None
+    if task.goal is not None and "object" in task.frames:
+        at = referee.view(recording.states[-1]).object.pos[0, 0]
+        distance = round(float(np.linalg.norm(at - np.array(task.goal))), 4)
+    return {
+        "final_costs": dict(zip(names, terms[-1].tolist() if names else (), strict=True)),
+        "mean_costs": dict(zip(names, terms.mean(axis=0).tolist() if names else (), strict=True)),
+        "final_goal_distance_m": distance,
+    }
+
+
+def common_settings(episode: EpisodeConfig) -> Row:
+    """Return what all rows of a campaign share."""
+    _, build = checked_engine(episode.engine)
+    plant = {"plant": episode.plant, "estimator": episode.estimator}
+    return {"planner": asdict(episode.planner), "engine_build": build, **plant}
+
+
+def task_settings(episode: EpisodeConfig) -> Row:
+    """Return what all rows of a task share; compiles the task, so its errors come here."""
+    task = load_task(episode.task)
+    problem = Problem.build(task, planning_options(episode.planner))
+    return {
+        "time_limit_s": episode.time_limit or task.time_limit,
+        "config_hash": episode.planner.hash(problem.hash),
+    }
+
+
+def place(job: Job) -> str:
+    """Name a trial in what is said of it."""
+    standing = ", standing" if job.trial.variant == STANDING else ""
+    return f"{job.trial.task} seed {job.trial.seed}{standing}"

@@ -1,0 +1,173 @@
+"""Fault scripts: what goes wrong in a run, when, and for how long. TOML files."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.faults.bridge import RULES, Rule
+
+PROCESS_FAULTS = ("kill", "freeze", "disk")
+HOST_FAULTS = ("clock", "unplug")
+KINDS = (*PROCESS_FAULTS, *HOST_FAULTS, *RULES)
+VIEWER = "viewer"  # a target that is no service: the tracer's child
+VIEWERS = ("", "web")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that goes wrong, once or again and again.
+
+    Attributes:
+        kind: of a process, "kill" (SIGKILL; a service is started again, "viewer" is not), "freeze"
+            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "clock"
+            (the wall clock of all services jumps, and back); "unplug" (the cable to those that are
+            apart); or a rule of the mangler.
+        target: the process it happens to; of the other kinds, all whom they concern.
+        after_plan: plan after which it begins.
+        lasts: wall time until it is over [s].
+        every: plans until it begins again.
+        times: how often it happens.
+        share, topics, delay_ms, jitter_ms: of a rule, see wire.mangle.
+        jump_s: by which a wall clock goes ahead [s].
+    """
+
+    kind: str
+    after_plan: int
+    target: str = ""
+    lasts: float = 0.5
+    every: int = 20
+    times: int = 1
+    share: float = 1.0
+    topics: tuple[str, ...] = ()
+    delay_ms: float = 0.0
+    jitter_ms: float = 0.0
+    jump_s: float = 3600.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise unknown("fault", self.kind, KINDS)
+        if self.is_process and not self.target:
+            raise UsageError(f"fault {self.kind!r} needs a target")
+        if self.target == VIEWER and self.kind != "kill":
+            raise UsageError(f"a viewer can only be killed, not {self.kind!r}")
+        if not 0 <= self.lasts <= 60:
+            raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
+        if self.times < 1 or self.every < 1 or self.after_plan < 0:
+            raise UsageError(f"fault {self.kind!r}: times and every must be at least 1")
+
+    @property
+    def is_process(self) -> bool:
+        """Whether it happens to a process."""
+        return self.kind in PROCESS_FAULTS
+
+    @property
+    def is_message(self) -> bool:
+        """Whether it happens to messages."""
+        return self.kind in RULES
+
+    @property
+    def rule(self) -> Rule:
+        """What the mangler does."""
+        return Rule(self.kind, self.share, self.topics, self.delay_ms, self.jitter_ms)
+
+    @property
+    def plans(self) -> list[int]:
+        """Plans after which it happens."""
+        return [self.after_plan + i * self.every for i in range(self.times)]
+
+
+@dataclass(frozen=True)
+class Script:
+    """A run and its faults.
+
+    Attributes:
+        faults: in any order.
+        name: of the file.
+        task: its name, or the path of its file from the script's folder.
+        seed, clock, speed, estimator, time_limit: of the run; a realtime run has a speed.
+        workers: rollout workers.
+        settings: of the planner, as key=value.
+        behind: services that dial the mangler's router; all others are on its other side.
+        apart: services in a network of their own, at the other end of a cable.
+        viewer: "web", or "" for a run without tracer and viewer.
+        ends: how the run may end; other ends are failures.
+        resumes: wall time from a fault's end to the next good plan, at most [s].
+        wait: how long the robot waits for an answer in lockstep [s].
+    """
+
+    faults: tuple[Fault, ...]
+    name: str = "script"
+    task: str = "spot/move_box"
+    seed: int = 1
+    clock: str = "realtime"
+    speed: float = 0.3
+    estimator: str = "truth"
+    time_limit: float = 4.0
+    workers: int = 2
+    settings: tuple[str, ...] = ("rollouts=10", "horizon=0.4")
+    behind: tuple[str, ...] = ()
+    apart: tuple[str, ...] = ()
+    viewer: str = ""
+    ends: tuple[str, ...] = ("timeout", "success")
+    resumes: float = 1.0
+    wait: float = 30.0
+    count: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "count", sum(fault.times for fault in self.faults))
+        kinds, targets = {f.kind for f in self.faults}, {f.target for f in self.faults}
+        if not self.behind and not kinds.isdisjoint(RULES):
+            raise UsageError(f"{self.name}: faults of messages need services behind the mangler")
+        if "unplug" in kinds and not self.apart:
+            raise UsageError(f"{self.name}: fault 'unplug' needs services that are apart")
+        if self.apart and self.behind:
+            raise UsageError(f"{self.name}: services are either apart or behind the mangler")
+        if self.viewer not in VIEWERS:
+            raise UsageError(f'{self.name}: viewer must be "web" or "", got {self.viewer!r}')
+        if VIEWER in targets and not self.viewer:
+            raise UsageError(f'{self.name}: there is no viewer to kill without viewer = "web"')
+
+
+def read_script(path: Path) -> Script:
+    """Read a fault script.
+
+    Raises:
+        UsageError: there is no such file, or it is no script; the message names what is valid.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"no fault script at {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} is not TOML: {error}") from None
+    faults = content.pop("faults", [])
+    if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
+        raise UsageError(f"{path}: faults are tables, [[faults]]")
+    made = tuple(_made(Fault, fault, path) for fault in faults)
+    script = _made(Script, {"name": path.stem, **content, "faults": made}, path)
+    if script.task.endswith(".py"):
+        return replace(script, task=str(path.parent / script.task))
+    return script
+
+
+def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:
+    """Build a dataclass of values whose types are those of its defaults."""
+    types = {f.name: type(f.default) for f in fields(kind) if f.init and f.default is not MISSING}
+    types |= {"kind": str, "after_plan": int} if kind is Fault else {"faults": tuple}
+    given = {}
+    for name, read in values.items():
+        if name not in types:
+            raise UsageError(f"{path}: {unknown('entry', name, types)}")
+        value = tuple(read) if isinstance(read, list) else read
+        if types[name] is float and type(read) is int:
+            value = float(read)
+        if type(value) is not types[name]:
+            raise UsageError(f"{path}: {name} needs a {types[name].__name__}, got {value!r}")
+        given[name] = value
+    missing = [n for n in ("kind", "after_plan") if kind is Fault and n not in given]
+    if missing:
+        raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
+    return kind(**given)

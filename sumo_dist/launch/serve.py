@@ -1,0 +1,105 @@
+"""The services as commands: signals, logging and the launcher's death around each of them."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from sumo_dist.launch import logs
+from sumo_dist.launch.launcher import PARENT
+from sumo_dist.priority import go_first
+from sumo_dist.services import estimator as estimator_service
+from sumo_dist.services import optimizer as optimizer_service
+from sumo_dist.services import robot as robot_service
+from sumo_dist.services import router as router_service
+from sumo_dist.services import tracer as tracer_service
+from sumo_dist.services import worker as worker_service
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+Estimator = estimator_service.EstimatorOptions
+Optimizer = optimizer_service.OptimizerOptions
+Robot = robot_service.RobotOptions
+Tracer = tracer_service.TracerOptions
+Worker = worker_service.WorkerOptions
+
+
+@dataclass(frozen=True)
+class Router:
+    """Options of `router`.
+
+    Attributes:
+        listen: endpoint; loopback unless said otherwise, such as tcp/0.0.0.0:7447.
+        config: Zenoh configuration (JSON5) with TLS certificates and access rules.
+    """
+
+    listen: str = DEFAULT_ENDPOINT
+    config: Path | None = None
+
+
+def router(options: Router) -> int:
+    """Route until stopped."""
+    with service(first=True) as stop:
+        router_service.serve(options.listen, stop, options.config)
+    return 0
+
+
+def estimator(options: Estimator) -> int:
+    """Estimate until stopped."""
+    with service(first=True) as stop:
+        estimator_service.run(options, stop)
+    return 0
+
+
+def optimizer(options: Optimizer) -> int:
+    """Plan until stopped."""
+    with service(first=True) as stop:
+        optimizer_service.run(options, stop)
+    return 0
+
+
+def worker(options: Worker) -> int:
+    """Roll out until stopped."""
+    with service() as stop:
+        worker_service.run(options, stop)
+    return 0
+
+
+def tracer(options: Tracer) -> int:
+    """Show and record until the run has ended."""
+    with service() as stop:
+        tracer_service.run(options, stop)
+    return 0
+
+
+def robot(options: Robot) -> int:
+    """Run one episode."""
+    with service(first=True) as stop:
+        return robot_service.run(options, stop)
+
+
+@contextmanager
+def service(first: bool = False) -> Iterator[threading.Event]:
+    """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death.
+
+    With `first`, the service is one that the robot waits for.
+    """
+    logs.configure()
+    if first:
+        go_first()
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    if parent := os.environ.get(PARENT):
+        watch = threading.Thread(target=_outlive_no, args=(int(parent), stop), daemon=True)
+        watch.start()
+    yield stop
+
+
+def _outlive_no(parent: int, stop: threading.Event) -> None:
+    """Stop when the launcher is gone, however it went."""
+    while os.getppid() == parent and not stop.wait(1.0):
+        pass
+    stop.set()

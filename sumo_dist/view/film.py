@@ -1,0 +1,158 @@
+"""The process that draws a recording as a film; see replay.render."""
+
+import sys
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sumo_dist.episode.referee import Referee
+from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+from sumo_dist.tasks.task import Task
+from sumo_dist.timing import TICK
+from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, eye_azimuth, goal_rings, ranked
+from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
+
+FPS = {".mp4": 25.0, ".gif": 12.5}
+SIZE = {".mp4": (960, 544), ".gif": (640, 360), ".jpg": (560, 350)}  # [pixels], halved in strips
+
+_FOLLOW_S = 3.0  # the camera's path is averaged over this long
+_ELEVATION = -24.0  # of the line of sight [deg]
+_TRAIL_TICKS = 10  # between points of a trail
+
+_LIGHT = 1.6  # how bright the scene's lights make a line
+_LINE = mujoco.mjtGeom.mjGEOM_LINE
+
+
+class _Artist:
+    """Draws ticks of a recording."""
+
+    def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
+        """Open an offscreen renderer of (width, height) pixels."""
+        self._recording = recording
+        task = load_task(recording.config["task"])
+        self._goal = task.goal
+        self._model = compile_model(task.scene, PLANT)
+        self._model.vis.quality.shadowsize = 2048  # half as sharp, for drawing without a GPU
+        self._data = mujoco.MjData(self._model)
+        self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])
+        self._trails = _trails(task, self._model, recording.states)
+        self._lookat, self._distance = _camera_path([*self._trails.values()], task.goal)
+        self._camera = mujoco.MjvCamera()
+        robot = next(iter(self._trails.values()))[0]
+        self._camera.azimuth = eye_azimuth(robot, self._lookat[0]) + 180.0
+        self._camera.elevation = _ELEVATION
+        self._planner = episode(recording).planner
+        ticks = np.arange(len(recording.states))
+        self._plans = np.searchsorted(recording.plan_ticks, ticks, side="right") - 1  # followed
+
+    def draw(self, tick: int) -> np.ndarray:
+        """Return the picture at a tick, (height, width, 3) uint8."""
+        self._data.qpos[:] = self._recording.states[tick][: self._model.nq]
+        mujoco.mj_fwdPosition(self._model, self._data)
+        self._camera.lookat[:] = self._lookat[tick]
+        self._camera.distance = self._distance[tick]
+        self._renderer.update_scene(self._data, self._camera)
+        if self._goal is not None:
+            for ring in goal_rings(np.array(self._goal)):
+                self._draw_line(ring, GOAL, 3.0)
+        for name, path in self._trails.items():
+            ground = path[: tick + 1 : _TRAIL_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR]
+            self._draw_line(ground, TRAILS[name], 4.0)
+        if self._recording.traces and self._plans[tick] >= 0:
+            self._draw_candidates(self._plans[tick])
+        return self._renderer.render()
+
+    def _draw_candidates(self, plan: int) -> None:
+        traces = self._recording.traces[plan]
+        elites, others, shades = ranked(self._recording.costs[plan], self._planner)
+        for i, shade in zip(others, shades, strict=True):
+            for path in traces[i]:
+                self._draw_line(path, shade, 1.5)
+        for path in traces[elites].reshape(-1, *traces.shape[2:]):
+            self._draw_line(path, ELITE, 3.0)
+
+    def _draw_line(self, points: np.ndarray, color: ArrayLike, width: float) -> None:
+        """Draw a line through (P, 3), `width` pixels wide, as far as the picture can hold it."""
+        scene = self._renderer.scene
+        rgba = np.append(np.asarray(color) / 255 / _LIGHT, 1.0).astype(np.float32)
+        for start, end in pairwise(points):
+            if scene.ngeom >= scene.maxgeom:
+                return
+            geom = scene.geoms[scene.ngeom]
+            mujoco.mjv_initGeom(geom, _LINE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+            mujoco.mjv_connector(geom, _LINE, width, start, end)
+            scene.ngeom += 1
+
+
+def _trails(
+    task: Task, model: mujoco.MjModel, states: Sequence[np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return the ways of robot and object, (ticks, 3) [m]."""
+    referee = Referee(task, model)
+    views = [referee.view(state) for state in states]
+    names = [name for name in TRAILS if name in task.frames]
+    return {name: np.array([getattr(v, name).pos[0, 0] for v in views]) for name in names}
+
+
+def _camera_path(
+    paths: list[np.ndarray], goal: tuple[float, float, float] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the camera looks at, (ticks, 3), and from how far, (ticks,) [m].
+
+    It follows what moves, calmly, and keeps the goal in the picture.
+    """
+    seen = np.stack(paths if goal is None else [*paths, np.broadcast_to(goal, paths[0].shape)])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    span = np.linalg.norm(high - low, axis=1, keepdims=True)
+    return _smoothed((low + high) / 2), _smoothed(1.9 + 0.75 * span)[:, 0]
+
+
+def _smoothed(path: np.ndarray) -> np.ndarray:
+    """Average (ticks, n) over _FOLLOW_S around each tick."""
+    half = round(_FOLLOW_S / TICK / 2)
+    padded = np.pad(path, ((half + 1, half), (0, 0)), mode="edge")
+    sums = np.cumsum(padded, axis=0)
+    return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+
+
+def _draw_film(source: Path, path: Path) -> int:
+    """Draw a recording; the exit code is NO_GRAPHICS if there is nothing to draw with."""
+    recording = Recording.load(source)
+    try:
+        artist = _Artist(recording, SIZE[path.suffix])
+    except Exception as error:  # every graphics library fails in its own way
+        sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        return NO_GRAPHICS
+    if path.suffix == ".jpg":
+        imageio.imwrite(path, _strip(artist, len(recording.states)), quality=70)
+        return 0
+    settings: dict[str, Any] = {"quality": 7} if path.suffix == ".mp4" else {"loop": 0}
+    ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))
+    writer: Any = imageio.get_writer(path, fps=FPS[path.suffix], **settings)
+    with writer as film:
+        for i, tick in enumerate(ticks):
+            film.append_data(artist.draw(tick))
+            if i % 100 == 99:
+                sys.stdout.write(f"frame {i + 1} of {len(ticks)}\n")
+                sys.stdout.flush()
+    return 0
+
+
+def _strip(artist: _Artist, ticks: int) -> np.ndarray:
+    """Draw pictures from start to end, side by side, (height, STRIP * width, 3) uint8."""
+    at = np.linspace(0, ticks - 1, STRIP).round().astype(int)
+    strip = np.hstack([artist.draw(int(tick)) for tick in at])
+    height, width, _ = strip.shape
+    return strip.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3)).round().astype("u1")
+
+
+if __name__ == "__main__":
+    sys.exit(_draw_film(Path(sys.argv[1]), Path(sys.argv[2])))

@@ -1,0 +1,188 @@
+"""A recording for people: as a Rerun file, in a viewer, as a film."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.referee import Referee
+from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.report import PlanReport
+from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+from sumo_dist.tasks.task import Task
+
+FILMS = (".gif", ".jpg", ".mp4")
+STRIP = 6  # pictures in a strip
+NO_GRAPHICS = 10  # exit code of the drawing process when there is nothing to draw with
+CANDIDATES_LIMIT = 60_000_000  # [bytes]
+
+
+def episode(recording: Recording) -> EpisodeConfig:
+    """Return what decided a recorded episode."""
+    config = recording.config
+    try:
+        return EpisodeConfig(
+            task=config["task"],
+            seed=config["seed"],
+            planner=PlannerConfig(**config["planner"]),
+            clock=config["clock"],
+            estimator=config["estimator"],
+        )
+    except (KeyError, TypeError) as error:
+        raise UsageError(f"the recording's config lacks or has unknown fields: {error}") from None
+
+
+def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_LIMIT) -> None:
+    """Write a recording as a Rerun file of bounded size.
+
+    Args:
+        recording: of any length.
+        path: of the .rrd.
+        candidates_limit: in a longer run, the candidates of only every so many plans are drawn
+            [bytes].
+
+    Raises:
+        SumoError: the file cannot be written, or the `view` extra is not installed.
+    """
+    from sumo_dist.view.outputs import Outputs
+    from sumo_dist.view.rrd_file import RrdFile
+    from sumo_dist.view.run_logger import RunLogger
+
+    config, troubles = episode(recording), list[str]()
+    task = load_task(config.task)
+    size = sum(traces.nbytes for traces in recording.traces)
+    stride = max(1, -(-size // candidates_limit))
+    with Outputs(path.parent.name, RrdFile(path, troubles.append)) as out:
+        logger = RunLogger(out, task, config, distributed=False)
+        for tick, state in enumerate(recording.states):
+            logger.log_state(tick, state)
+        for i, report in enumerate(reports(recording)):
+            logger.log_plan(report)
+            if i % stride == 0 and recording.traces:
+                logger.log_candidates(report.plan.tick, recording.costs[i], recording.traces[i])
+        logger.log_event(len(recording.states) - 1, "info", _ending(recording, task))
+        logger.flush()
+    if troubles:
+        raise SumoError(troubles[0])
+
+
+def _ending(recording: Recording, task: Task) -> str:
+    """Say how a recorded run ended; a recording holds what happened, not the verdict."""
+    referee = Referee(task, compile_model(task.scene, PLANT))
+    verdicts = [referee.verdict(tick, state) for tick, state in enumerate(recording.states)]
+    return f"the run has ended: {verdicts[-1]}" if verdicts[-1] else "the recording ends here"
+
+
+def reports(recording: Recording) -> Iterator[PlanReport]:
+    """Yield the account of each recorded plan, as far as a recording has it."""
+    planner = episode(recording).planner
+    for i, number in enumerate(recording.plan_numbers):
+        finite = np.isfinite(recording.costs[i])
+        plan = Plan(
+            int(number),
+            int(recording.plan_ticks[i]),
+            recording.knots[i],
+            planner.horizon,
+            planner.spline,
+        )
+        yield PlanReport(
+            plan=plan,
+            costs=np.where(finite, recording.costs[i], 0.0),
+            finite=finite,
+            terms=recording.terms[i],
+            plan_ms=float(recording.plan_ms[i]),
+            own_ms=0.0,
+            age_ticks=int(recording.age_ticks[i]),
+            lost=int(recording.lost[i]),
+            reissued=int(recording.reissued[i]),
+            failed=not finite.any(),
+        )
+
+
+def show(recording: Recording, viewer: str) -> None:
+    """Show a recording in Rerun until the viewer is closed or this is interrupted.
+
+    Args:
+        recording: what to show.
+        viewer: "web" or "native".
+
+    Raises:
+        SumoError: the viewer cannot be opened, or the `view` extra is not installed.
+    """
+    with TemporaryDirectory(prefix="sumo-dist-") as folder:
+        path = Path(folder) / "run.rrd"
+        to_rrd(recording, path)
+        show_file(path, viewer)
+
+
+def show_file(path: Path, viewer: str) -> None:
+    """Show an .rrd in Rerun; as `show`."""
+    from sumo_dist.view.viewers import Viewer
+
+    with Viewer(viewer, path) as opened:
+        if opened.address:
+            sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
+        with suppress(KeyboardInterrupt):
+            opened.wait()
+
+
+def render(recording: Recording, path: Path) -> None:
+    """Write a film of a recording, drawn by MuJoCo without a display.
+
+    MuJoCo takes its graphics library from the environment when it is imported, so the drawing is
+    done in a process of its own, which gets one that works here.
+
+    Args:
+        recording: what to draw.
+        path: .mp4, .gif, or .jpg for a strip of a few pictures from start to end.
+
+    Raises:
+        UsageError: another ending.
+        SumoError: no graphics library works here, the film cannot be written, or the `view` extra
+            is not installed.
+    """
+    import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
+
+    if path.suffix not in FILMS:
+        raise unknown("film format", path.suffix, FILMS)
+    tried = []
+    with TemporaryDirectory(prefix="sumo-dist-") as folder:
+        source = Path(folder) / "run.npz"
+        recording.save(source)
+        for library in _graphics_libraries():
+            done = subprocess.run(
+                [sys.executable, "-m", "sumo_dist.view.film", source, path],
+                env={**os.environ, "MUJOCO_GL": library},
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+            if done.returncode == 0:
+                return
+            reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            if done.returncode != NO_GRAPHICS:
+                raise SumoError(f"cannot render {path}: {reason}")
+            tried.append(f"{library or 'default'} ({reason})")
+    raise SumoError(
+        f"no graphics library to draw with; tried MUJOCO_GL={', '.join(tried)}; "
+        "on Debian: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6"
+    )
+
+
+def _graphics_libraries() -> list[str]:
+    """MUJOCO_GL's values to try; what the user has set is not overruled."""
+    if chosen := os.environ.get("MUJOCO_GL"):
+        return [chosen]
+    if not sys.platform.startswith("linux"):
+        return [""]
+    return ["egl", "osmesa"]

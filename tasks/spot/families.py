@@ -1,0 +1,193 @@
+"""Families of tasks: the same cost for any object (paper, section on the analysis tasks)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.costs.terms import CostTerm, fallen, norm
+from sumo_dist.costs.view import View
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.scene import Scene, SceneObject
+from sumo_dist.robots.spot import SPOT, spot_actions
+from sumo_dist.tasks.reset import MoveReset, Ring, RobotDraw, UprightReset
+from sumo_dist.tasks.task import Predicate, Task
+
+SUCCESS_RADIUS = 0.1  # paper: object to goal [m]
+SUCCESS_SPEED = 0.05  # paper: object's speed [m/s]
+SUCCESS_TILT = 0.1  # paper: from upright [rad]
+SUCCESS_SPIN = 0.05  # paper: object's angular speed [rad/s]
+TIPPED = np.pi / 4  # beyond this tilt an object does not come back by itself [rad]
+WORKSPACE = 8.0  # what is farther from the origin cannot be fetched within an episode [m]
+NEAR = Ring(inner=1.0, outer=2.0, spread=0.1)  # where objects start unless a task says otherwise
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What it means that an object stands.
+
+    Attributes:
+        off: View -> (B, T), how far it is from upright, from 0 on; the cost of the paper.
+        at: tilt [rad] -> the value of `off` at that tilt.
+    """
+
+    off: Callable[[View], np.ndarray]
+    at: Callable[[float], float]
+
+
+Z_UP = Standing(off=lambda r: 1.0 - r.object.z[..., 2], at=lambda tilt: float(1.0 - np.cos(tilt)))
+AXLE_LEVEL = Standing(off=lambda r: np.abs(r.object.y[..., 2]), at=lambda tilt: float(np.sin(tilt)))
+
+
+@dataclass(frozen=True)
+class Manipuland:
+    """An object that the robot is to move or set upright.
+
+    Attributes:
+        name: of the object; its root body has the same.
+        mjcf: its model: below assets/, beside the file of the task, or an absolute path.
+        rest_z: height of its origin when it stands on the floor [m].
+        aim: the point that the gripper is drawn to; the body's origin by default.
+        standing: what it means that it stands.
+        rolls: set in motion, it may go on by itself.
+        any_side: it is as good on its side as upright when it is moved.
+    """
+
+    name: str
+    mjcf: str
+    rest_z: float
+    aim: FrameRef | None = None
+    standing: Standing = Z_UP
+    rolls: bool = False
+    any_side: bool = False
+
+    @property
+    def scene(self) -> Scene:
+        """Spot and this object."""
+        return Scene(SPOT, (SceneObject(self.name, self.mjcf),))
+
+    @property
+    def frames(self) -> dict[str, FrameRef]:
+        """The frames that both families' functions see."""
+        body = FrameRef("body", self.name)
+        return {
+            "base": FrameRef("body", SPOT.base),
+            "gripper": FrameRef("site", "site_arm_link_fngr"),
+            "object": body,
+            "aim": self.aim or body,
+        }
+
+
+def anywhere(rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Draw the robot's xy from N(0, I) [m], yaw 0."""
+    return rng.normal(0.0, 1.0, 2), 0.0
+
+
+def near_origin(rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Draw the robot's xy within 0.5 m of the origin on both axes, in any heading."""
+    return rng.uniform(-0.5, 0.5, 2), rng.uniform(0.0, 2 * np.pi)
+
+
+def at_origin(_rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Place the robot at the origin, yaw 0."""
+    return np.zeros(2), 0.0
+
+
+def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -> Task:
+    """Spot moves an object to the origin with base and arm.
+
+    Cost (paper): 60 ||p_obj - p_goal|| + 4 ||p_grip - p_obj|| + 20 ||v_obj||, averaged over the
+    rollout, and 2500 if the robot falls. The velocity term is the square of the mean speed, as
+    released: the linear form makes the robot timid. Ours is the term of an object that has tipped:
+    50 times the share of the rollout for which it has, so that setting it up again pays
+    (docs/decisions/0003).
+
+    Args:
+        thing: the object.
+        robot: draws where the robot starts.
+        ring: where the object starts.
+    """
+    goal = (0.0, 0.0, thing.rest_z)
+
+    def to_goal(r: View) -> np.ndarray:
+        return norm(r.object.pos - np.array(goal))
+
+    def speed(r: View) -> np.ndarray:
+        return norm(r.object.linvel)
+
+    def solved(r: View) -> np.ndarray:
+        return (to_goal(r) < SUCCESS_RADIUS) & (speed(r) < SUCCESS_SPEED)
+
+    def tipped(r: View) -> np.ndarray:
+        return thing.standing.off(r) > thing.standing.at(TIPPED)
+
+    may_tip = not thing.any_side
+    failure: dict[str, Predicate] = {"tipped": tipped} if may_tip else {}
+    return Task(
+        name=f"spot/move_{thing.name}",
+        scene=thing.scene,
+        actions=spot_actions(),
+        frames=thing.frames,
+        cost=(
+            CostTerm("goal", to_goal, 60.0),
+            CostTerm("gripper", gripper_to_aim, 4.0),
+            CostTerm("velocity", speed, 20.0, "squared_mean"),
+            *((CostTerm("tipped", tipped, 50.0, "share"),) if may_tip else ()),
+            CostTerm("fall", robot_down, 2500.0, "any"),
+        ),
+        reset=MoveReset(thing.name, goal, robot, ring),
+        success=solved,
+        success_hold=0.5 if thing.rolls else 0.0,
+        failure={**failure, "left the workspace": left},
+        goal=goal,
+    )
+
+
+def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) -> Task:
+    """Spot sets an object upright with base and arm, wherever it ends up standing.
+
+    Cost (paper): 100 (1 - z_obj . z) + 0.5 ||p_grip - p_obj||, averaged over the rollout, and 2500
+    if the robot falls; of the tire, which may stand on any part of its tread, the first term is
+    100 |y_tire . z|.
+
+    Args:
+        thing: the object.
+        robot: draws where the robot starts.
+        ring: above where the object is dropped before the start.
+    """
+    standing = thing.standing
+
+    def solved(r: View) -> np.ndarray:
+        return (standing.off(r) <= standing.at(SUCCESS_TILT)) & (
+            norm(r.object.angvel) < SUCCESS_SPIN
+        )
+
+    return Task(
+        name=f"spot/upright_{thing.name}",
+        scene=thing.scene,
+        actions=spot_actions(),
+        frames=thing.frames,
+        cost=(
+            CostTerm("upright", standing.off, 100.0),
+            CostTerm("gripper", gripper_to_aim, 0.5),
+            CostTerm("fall", robot_down, 2500.0, "any"),
+        ),
+        reset=UprightReset(thing.name, thing.frames, solved, robot, ring),
+        success=solved,
+        failure={"left the workspace": left},
+    )
+
+
+def gripper_to_aim(r: View) -> np.ndarray:
+    """Distance of the gripper from the point it is drawn to, (B, T) [m]."""
+    return norm(r.gripper.pos - r.aim.pos)
+
+
+def robot_down(r: View) -> np.ndarray:
+    """Whether the robot lies on the floor, (B, T)."""
+    return fallen(r.base, SPOT.fall_height)
+
+
+def left(r: View) -> np.ndarray:
+    """Whether robot or object are outside the workspace, (B, T)."""
+    return (norm(r.object.pos) > WORKSPACE) | (norm(r.base.pos) > WORKSPACE)

@@ -1,0 +1,115 @@
+import io
+import json
+import sys
+from contextlib import redirect_stdout
+
+import numpy as np
+import pytest
+
+from sumo_dist.bench import engine
+from sumo_dist.bench.measure import reference, rollout
+from sumo_dist.bench.measure.moment import Moment
+from sumo_dist.bench.measure.reference_worker import compile_without_visuals
+from sumo_dist.bench.measure.variant import Variant
+from sumo_dist.cli import main
+from sumo_dist.errors import SumoError
+from sumo_dist.model.scene import PLANNING, compile_model
+from sumo_dist.tasks import load_task
+
+REFERENCE_KEYS = ("cpu_speedup_vs_reference", "cpu_speedup_same_physics")
+
+
+@pytest.fixture(scope="module")
+def result():
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as out:
+        patch.setattr(rollout, "ROLLOUTS", 4)
+        assert main(["bench", "rollout", "--json", "--repeats", "2"]) == 0
+    return json.loads(out.getvalue())
+
+
+def test_ratios_are_those_of_the_rows(result):
+    cpu = {(r["engine"], r["density"], r["timestep"]): r["cpu_ms_median"] for r in result["rows"]}
+    assert result["policy_over_physics"] == pytest.approx(
+        cpu["engine", 1.0, 0.01] / cpu["physics only", 1.0, 0.01], rel=1e-2
+    )
+    assert result["fallback_over_engine"] == pytest.approx(
+        cpu["fallback", 0.0, 0.02] / cpu["engine", 0.0, 0.02], rel=1e-2
+    )
+    assert [result[key] for key in REFERENCE_KEYS] == [None, None]
+
+
+def test_physics_only_makes_the_same_motion(result):
+    (found,) = (d for d in result["deviations"] if d["variant"]["engine"] == "physics only")
+    assert found["position_m_max"] == 0.0
+    assert found["angle_deg_max"] == 0.0
+
+
+def test_each_override_has_its_deviation(result):
+    full = Variant("engine", 1.0, 0.01)._asdict()
+    against_full = [d["variant"] for d in result["deviations"] if d["against"] == full]
+    options = [(v["density"], v["timestep"]) for v in against_full if v["engine"] == "engine"]
+    assert options == [(0.0, 0.01), (1.0, 0.02), (0.0, 0.02)]
+
+
+def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
+    monkeypatch.setattr(rollout, "ROLLOUTS", 2)
+    assert main(["bench", "rollout", "--robot", "g1", "--json", "--repeats", "1"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    overrides = [(v["engine"], v["timestep"]) for v in (d["variant"] for d in found["deviations"])]
+    assert ("full feet", 0.01) in overrides
+    assert ("engine", 0.005) in overrides
+    assert found["full_feet_over_three_capsules"] > 0
+    assert main(["bench", "rollout", "--robot", "g1", "--reference"]) == 2
+    assert "the reference is of Spot" in capsys.readouterr().err
+
+
+def test_difference_of_poses():
+    turned = [np.cos(np.pi / 8), 0.0, 0.0, np.sin(np.pi / 8)]  # by 45 deg about z
+    ours = np.array([[0.0, 0, 0, 1, 0, 0, 0], [3.0, 4.0, 0, *turned], [np.nan] * 7])
+    theirs = np.array([[0.0, 0, 0, -1, 0, 0, 0], [0.0, 0, 0, 1, 0, 0, 0], [0.0] * 7])
+    assert rollout.difference(ours, theirs) == {
+        "position_m_median": 2.5,
+        "position_m_max": 5.0,
+        "angle_deg_median": 22.5,
+        "angle_deg_max": 45.0,
+    }
+
+
+def test_the_references_model_is_the_planning_model():
+    ours = compile_model(load_task("spot/move_box").scene, PLANNING)
+    theirs = compile_without_visuals("spot/move_box", PLANNING.timestep, PLANNING.fluid_density)
+    assert theirs.ngeom == ours.ngeom
+    assert np.array_equal(theirs.geom_size, ours.geom_size)
+    assert np.array_equal(theirs.body_mass, ours.body_mass)
+
+
+def test_a_machine_that_cannot_run_the_reference_says_so(monkeypatch):
+    with pytest.raises(SumoError, match="this machine cannot run it"):
+        reference._interpreter("cp311-cp311-manylinux_2_34_aarch64")
+    monkeypatch.setattr(reference.shutil, "which", lambda _name: None)
+    other = 12 if sys.version_info.minor == 11 else 11
+    with pytest.raises(SumoError, match=rf"no python3\.{other} here"):
+        reference._interpreter(f"cp3{other}-cp3{other}-manylinux_2_34_x86_64")
+
+
+@pytest.mark.slow
+def test_the_reference_ends_where_the_engine_does():
+    if not (reference.environment_folder() / "complete").exists():
+        pytest.skip("needs the environment that `sumo-dist bench rollout --reference` makes")
+    moment = Moment.load()
+    commands = moment.commands(4)
+    problem = rollout.problem(moment, rollout.NO_DRAG)
+    with reference.Reference(moment, commands, print) as theirs, problem.engine(1) as engine:
+        final = theirs.round(0.0).final
+        ours = engine.rollout(moment.state, moment.memory, commands).states[:, -1]
+    assert final.shape == ours.shape
+    # Two releases of MuJoCo: equal but for rounding, which contacts can amplify.
+    assert np.median(np.abs(final - ours)) < 1e-3
+
+
+def test_bad_options_are_named(capsys, monkeypatch):
+    assert main(["bench", "rollout", "--repeats", "0"]) == 2
+    assert "repeats must be at least 1" in capsys.readouterr().err
+    monkeypatch.setattr(engine, "engine_identity", lambda _kind: ("fallback", "build"))
+    assert main(["bench", "rollout"]) == 2
+    assert "--engine fallback" in capsys.readouterr().err

@@ -1,0 +1,113 @@
+import json
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import pytest
+
+from sumo_dist.bench.results.outcomes import JOURNAL, REQUEST, Results
+from sumo_dist.bench.results.page import page
+from sumo_dist.bench.results.tables import text
+
+BOX, TIRE = "spot/move_box", "spot/upright_tire"
+
+
+@pytest.fixture
+def results(tmp_path, make_row):
+    rows = [
+        *(make_row(BOX, seed, 4.0 + seed) for seed in range(1, 20)),
+        make_row(BOX, 20, reason="rolled < away"),
+        *(make_row(TIRE, seed, 3.0) for seed in range(1, 5)),
+        *(make_row(TIRE, seed, reason="fell") for seed in range(5, 21)),
+        *(make_row(TIRE, seed, variant="standing") for seed in range(1, 20)),
+        make_row(TIRE, 20, 1.0, variant="standing"),
+    ]
+    (tmp_path / JOURNAL).write_text("".join(json.dumps(row) + "\n" for row in rows))
+    request = {"suite": "paper-analysis", "command": "sumo-dist <x>", "tasks": [BOX, TIRE]}
+    (tmp_path / REQUEST).write_text(json.dumps({**request, "trials": 20, "seed0": 1}))
+    return Results.load(tmp_path)
+
+
+class Tags(HTMLParser):
+    """Fails on tags that do not nest, and keeps attributes and words."""
+
+    VOID = ("meta", "img")
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.attributes, self.words = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.attributes += attrs
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, _tag, attrs):
+        self.attributes += attrs
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def read(html):
+    tags = Tags()
+    tags.feed(html)
+    assert not tags.open
+    return tags
+
+
+def test_the_page_is_whole_and_needs_nothing_else(results):
+    html = page(results, {"spot_move_box-10": b"\xff\xd8 picture"})
+    tags = read(html)
+    sources = [value for key, value in tags.attributes if key in ("src", "href", "xlink:href")]
+    assert sources == ["data:image/jpeg;base64,/9ggcGljdHVyZQ=="]
+    assert not re.search(r"@import|url\(", html)
+    assert "a computer & its cores" in tags.words
+    assert "sumo-dist <x>" in tags.words
+    assert any("solved in 14.0 s" in word for word in tags.words)
+
+
+def cells(html):
+    return [
+        [re.sub("<.*?>", "", cell) for cell in re.findall(r"<td.*?</td>", row)]
+        for row in re.findall(r"<tr>(.*?)</tr>", html)
+    ]
+
+
+def test_the_table_has_the_paper_and_the_control_beside(results):
+    _, box, tire, *_ = cells(page(results, {}))
+    assert box[:6] == [BOX, "19/20", "0.95", "0.76 to 0.99", "0.85", "-"]
+    assert box[8] == "success 19, rolled &lt; away 1"
+    assert tire[:6] == [TIRE, "4/20", "0.20", "0.08 to 0.42", "0.95", "1/20"]
+
+
+def test_a_rate_is_marked_where_chance_does_not_explain_it(results):
+    html = page(results, {})
+    assert '<td class="number at-least">0.95</td>' in html
+    assert '<td class="number below">0.20</td>' in html
+
+
+def test_charts_are_well_formed_and_count_right(results):
+    svgs = [ElementTree.fromstring(svg) for svg in re.findall("<svg.*?</svg>", page(results, {}))]
+    looks = [node.get("class") for svg in svgs for node in svg.iter()]
+    assert looks.count("trial") == 19 + 4  # a dot for each success
+    assert looks.count("interval paper") == looks.count("interval ours") == 2
+    assert sum(look in ("steps ours", "steps control") for look in looks) == 3
+    bars = [
+        float(node.get("width"))
+        for svg in svgs
+        for node in svg.iter()
+        if "bar" in str(node.get("class")) and float(node.get("width")) > 20
+    ]
+    assert bars[0] / bars[1] == pytest.approx(19, rel=0.05)
+
+
+def test_markdown_names_every_failed_trial(results):
+    report = text(results)
+    assert "| spot/move_box     | 19/20   | 0.95 |" in report
+    assert report.count("| spot/upright_tire | ") == 1 + 16
+    assert "| rolled < away | 30.00  | 0.06 " in report
+    assert "rollouts 32" in report

@@ -1,0 +1,346 @@
+"""Rollouts on workers across a real bus; the workers here are scripted, to misbehave on purpose."""
+
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sumo_dist.dispatch import evaluator as gather
+from sumo_dist.dispatch.evaluator import RemoteEvaluator
+from sumo_dist.errors import Interrupted
+from sumo_dist.planner.planner import PlanRequest
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest
+
+BUILD = "build-1"
+TERMS = len(load_task("spot/move_box").cost)
+KNOTS = np.arange(10 * 4 * 9, dtype=np.float32).reshape(10, 4, 9)
+EXPECTED = KNOTS[:, 0, 0].astype(float)  # a row's cost, as the scripted workers compute it
+
+
+def request(number=0):
+    return PlanRequest(number, 0, np.zeros(64), np.zeros(12, np.float32), None)
+
+
+def answer(asked, **changes):
+    """Answer a request: the first term of a row is its cost."""
+    terms = np.zeros((len(asked.knots), TERMS))
+    terms[:, 0] = asked.knots[:, 0, 0]
+    reply = RolloutReply(
+        run=asked.run,
+        worker=asked.worker,
+        number=asked.number,
+        iteration=asked.iteration,
+        shard=asked.shard,
+        start=asked.start,
+        terms=terms,
+        valid=np.ones(len(terms), bool),
+        compute_ms=float(len(terms)),
+        refusal="",
+    )
+    return replace(reply, **changes)
+
+
+class Worker:
+    """A worker on the bus that answers by a script: request -> reply or None."""
+
+    def __init__(self, endpoint, robot, name, script=answer, build=BUILD):
+        self.name, self.script, self.asked = name, script, []
+        self.bus = Bus.dial(endpoint, robot)
+        self.bus.subscribe(RolloutRequest, self._serve, address=name)
+        self.bus.announce("worker", name, build)
+
+    def _serve(self, asked):
+        self.asked.append(asked)
+        reply = self.script(asked)
+        if reply is not None:
+            self.bus.publish(reply)
+
+
+class Party:
+    """An evaluator and its workers, on one bus."""
+
+    def __init__(self, stack, endpoint, robot, problem, config, eventually):
+        self._stack, self._endpoint, self._robot = stack, endpoint, robot
+        self._eventually = eventually
+        self.told = []
+        self.stop = threading.Event()
+        bus = stack.enter_context(Bus.dial(endpoint, robot, run="run"))
+        self.evaluator = RemoteEvaluator(
+            bus, "run", problem, config, BUILD, self.stop, lambda *told: self.told.append(told)
+        )
+
+    def worker(self, name, script=answer, build=BUILD):
+        worker = Worker(self._endpoint, self._robot, name, script, build)
+        self._stack.callback(worker.bus.close)
+        return worker
+
+    def join(self, *args, **kwargs):
+        """Add a worker; return when the evaluator has heard of it."""
+        with self.news():
+            return self.worker(*args, **kwargs)
+
+    @contextmanager
+    def news(self):
+        """Wait until what happens inside has reached the evaluator, which reads it later."""
+        inbox = self.evaluator._inbox
+        before = inbox.qsize()
+        yield
+        assert self._eventually(lambda: inbox.qsize() > before)
+
+    def evaluate(self, number=0, deadline_s=None):
+        deadline = None if deadline_s is None else time.monotonic() + deadline_s
+        self.evaluator.reset_account(deadline)
+        return self.evaluator(request(number), 0, KNOTS)
+
+    def heard(self, text):
+        return any(text in said for _, said in self.told)
+
+
+@pytest.fixture
+def party(router, robot, problem, config, eventually):
+    with ExitStack() as stack:
+        yield Party(stack, router, robot, problem, config, eventually)
+
+
+def silent(asked):
+    return None
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_every_row_comes_back_in_its_place(party, workers):
+    members = [party.join(f"w-{i}") for i in range(workers)]
+    evaluation = party.evaluate()
+    assert np.array_equal(evaluation.costs, EXPECTED)
+    assert evaluation.answered.all()
+    assert evaluation.valid.all()
+    rows = sorted(row for m in members for a in m.asked for row in a.knots[:, 0, 0])
+    assert np.array_equal(rows, EXPECTED)
+    assert all(member.asked for member in members)
+    assert (party.evaluator.reissued, party.evaluator.workers) == (0, workers)
+
+
+def test_a_request_says_all_that_a_worker_must_know(party, problem, config):
+    worker = party.join("w-1")
+    party.evaluate(number=7)
+    (asked,) = worker.asked
+    assert (asked.task, asked.task_hash, asked.build) == ("spot/move_box", problem.hash, BUILD)
+    assert (asked.number, asked.iteration, asked.start) == (7, 0, 0)
+    assert asked.reply_budget_ms == 0.0  # in lockstep an answer is never too late
+    assert asked.settings["rollouts"] == config.rollouts
+
+
+def test_waits_for_a_worker_to_join(party):
+    timer = threading.Timer(0.3, lambda: party.worker("w-1"))
+    timer.start()
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    timer.join()
+
+
+def test_gives_the_shards_of_a_silent_worker_to_another(party, monkeypatch):
+    monkeypatch.setattr(gather, "RESEND_S", 0.2)
+    mute, good = party.join("mute", silent), party.join("good")
+    evaluation = party.evaluate()
+    assert np.array_equal(evaluation.costs, EXPECTED)
+    assert party.evaluator.reissued >= len(mute.asked[0].knots)
+    assert len(good.asked) >= 2
+
+
+def test_gives_the_shards_of_a_worker_that_leaves_to_another_at_once(party):
+    leaving = party.join("leaving", silent)
+    party.join("good")
+    threading.Timer(0.1, leaving.bus.close).start()
+    began = time.monotonic()
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert time.monotonic() - began < 0.9 * gather.RESEND_S
+    assert party.heard("worker leaving left")
+
+
+def test_passes_over_a_worker_that_does_not_answer_and_asks_again_later(party, monkeypatch):
+    monkeypatch.setattr(gather, "PROBE_S", 0.6)
+    mute = party.join("mute", silent)
+    party.join("good")
+    for number in range(gather.MISSES_TO_BENCH):
+        assert party.evaluate(number, deadline_s=0.1).answered.any()
+    assert party.heard("worker mute does not answer: it is passed over")
+    asked = len(mute.asked)
+    assert party.evaluate(2, deadline_s=0.1).answered.all()
+    assert len(mute.asked) == asked
+    mute.script = answer
+    time.sleep(0.6)
+    assert party.evaluate(3, deadline_s=0.3).answered.all()
+    assert len(mute.asked) > asked
+    assert party.heard("worker mute answers again")
+
+
+def test_leaves_out_what_is_late(party):
+    party.join("mute", silent)
+    party.join("good")
+    began = time.monotonic()
+    evaluation = party.evaluate(deadline_s=0.2)
+    assert time.monotonic() - began < 0.5
+    lost = ~evaluation.answered
+    assert 0 < lost.sum() < len(KNOTS)
+    assert np.isinf(evaluation.costs[lost]).all()
+    assert np.array_equal(evaluation.costs[~lost], EXPECTED[~lost])
+
+
+def test_without_workers_a_deadline_holds_too(party):
+    began = time.monotonic()
+    evaluation = party.evaluate(deadline_s=0.2)
+    assert time.monotonic() - began < 0.5
+    assert not evaluation.answered.any()
+    assert np.isinf(evaluation.costs).all()
+
+
+def test_rows_that_diverged_are_answered_and_worst(party):
+    def diverged(asked):
+        valid = np.ones(len(asked.knots), bool)
+        valid[0] = asked.start != 0
+        return answer(asked, valid=valid)
+
+    party.join("w-1", diverged)
+    evaluation = party.evaluate()
+    assert evaluation.answered.all()
+    assert evaluation.costs[0] == np.inf
+    assert np.array_equal(evaluation.costs[1:], EXPECTED[1:])
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        {"terms": np.zeros((10, 7)), "valid": np.ones(10, bool)},
+        {"terms": np.zeros((1, TERMS)), "valid": np.ones(1, bool)},
+        {"start": 3},
+    ],
+)
+def test_a_worker_whose_answer_does_not_fit_is_left_out(party, lie):
+    party.join("liar", lambda asked: answer(asked, **lie))
+    party.join("good")
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert party.heard("worker liar is left out: sent costs of shape")
+    assert party.evaluator.workers == 1
+
+
+def test_a_worker_that_refuses_is_left_out_with_its_reason(party):
+    nothing = {"terms": np.empty((0, 0)), "valid": np.empty(0, bool)}
+    party.join("w-1", lambda asked: answer(asked, **nothing, refusal="its task differs"))
+    party.join("good")
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert party.heard("worker w-1 is left out: its task differs")
+
+
+def test_one_refusal_that_was_spoilt_on_the_way_does_not_leave_a_worker_out(party):
+    worker = party.join("w-1")
+
+    def once(asked):
+        worker.script = answer
+        return answer(asked, refusal="x")
+
+    worker.script = once
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert (party.evaluator.workers, party.told) == (1, [("info", "worker w-1 joined")])
+
+
+def test_a_worker_of_another_build_is_left_out_with_the_remedy(party):
+    other = party.join("other", build="build-2")
+    party.join("good")
+    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert not other.asked
+    assert party.heard("worker other is left out: its build is build-2, here it is build-1")
+    assert party.heard("give all of them --engine native-portable")
+
+
+def test_a_refused_worker_is_welcome_after_a_restart(party):
+    broken = party.join("w-1", lambda asked: answer(asked, start=asked.start + 1))
+    party.join("good")
+    party.evaluate(0)
+    with party.news():
+        broken.bus.close()
+    mended = party.join("w-1")
+    party.evaluate(1)
+    assert mended.asked
+
+
+def test_answers_to_an_earlier_plan_do_not_count(party):
+    worker = party.join("w-1")
+    party.evaluate(number=0)
+    (first,) = worker.asked
+    wrong = np.full((10, TERMS), -1e9)
+
+    def both(asked):
+        worker.bus.publish(answer(first, terms=wrong))
+        worker.bus.publish(answer(asked, number=0, terms=wrong))
+        return answer(asked)
+
+    worker.script = both
+    assert np.array_equal(party.evaluate(number=1).costs, EXPECTED)
+
+
+def test_the_last_words_of_a_worker_that_left_do_not_bring_it_back(party):
+    worker, leaving = party.join("w-1"), party.join("w-2")
+    party.evaluate(0)
+    with party.news():
+        leaving.bus.close()
+    party.evaluate(1)
+    with party.news():
+        worker.bus.publish(answer(leaving.asked[0]))
+    assert np.array_equal(party.evaluate(2).costs, EXPECTED)
+    assert party.evaluator.workers == 1
+
+
+def test_a_worker_that_came_back_as_another_build_survives_the_end_of_the_old_one(party):
+    """The old one's token outlives it by the lease when its host was cut off."""
+    old = party.join("w-1", build="build-0")
+    party.join("w-1")
+    with party.news():
+        old.bus.close()
+    assert np.array_equal(party.evaluate(deadline_s=2.0).costs, EXPECTED)
+
+
+def test_faster_workers_get_more_rows(party):
+    party.join("slow", lambda asked: answer(asked, compute_ms=100.0 * len(asked.knots)))
+    fast = party.join("fast")
+    for number in range(20):
+        party.evaluate(number)
+    assert sum(len(asked.knots) for asked in fast.asked[-1:]) >= 9
+
+
+def test_answers_that_come_too_late_tell_how_slow_a_worker_is(party):
+    slow = party.join("slow", silent)
+    party.evaluate(0, deadline_s=0.05)
+    believed = party.evaluator.pace
+    with party.news():
+        slow.bus.publish(answer(slow.asked[0], compute_ms=1000.0))
+    party.evaluate(1, deadline_s=0.05)
+    assert party.evaluator.pace < 0.9 * believed
+
+
+def test_a_worker_that_is_often_late_counts_for_less(party):
+    party.join("w-1", lambda asked: answer(asked) if asked.start < 8 else None)  # 8 rows of 10
+    for number in range(30):
+        party.evaluate(number, deadline_s=0.1)
+    speed = party.evaluator._workers["w-1"].speed
+    assert party.evaluator.pace == pytest.approx(0.8 * speed, rel=0.05)
+
+
+def test_tells_of_each_worker_what_it_does_and_loses(party):
+    party.join("w-1")
+    party.evaluate(0)
+    party.join("mute", silent)
+    party.evaluate(1, deadline_s=0.3)
+    told = party.evaluator.workers_health()
+    assert (told["w-1 state"], told["w-1 lost"]) == ("answers", 0)
+    assert told["w-1 silent s"] < 10
+    assert told["mute lost"] > 0
+    assert "mute silent s" not in told  # it never said anything
+
+
+def test_says_that_it_was_told_to_stop(party):
+    threading.Timer(0.2, party.stop.set).start()
+    with pytest.raises(Interrupted):
+        party.evaluate()

@@ -1,0 +1,94 @@
+import time
+
+import numpy as np
+import pytest
+
+from sumo_dist.errors import UsageError
+from sumo_dist.faults.bridge import Mangler, Rule
+from sumo_dist.faults.tamper import TAMPERS
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import State
+from sumo_dist.wire.session import open_router
+
+
+def state(tick):
+    return State("run", tick, np.arange(51.0))
+
+
+@pytest.fixture
+def endpoints(free_endpoint):
+    near, far = free_endpoint(), free_endpoint()
+    with open_router(near), open_router(far):
+        yield near, far
+
+
+@pytest.fixture
+def ends(endpoints, eventually):
+    """A mangler, and a service on each of its sides that sees the other."""
+    with (
+        Bus.dial(endpoints[0], "spot") as here,
+        Bus.dial(endpoints[1], "spot") as there,
+        Mangler(*endpoints, seed=1) as mangler,
+    ):
+        inbox = there.inbox(State)
+        there.announce("receiver", "r")
+        members = here.watch("receiver")
+        assert eventually(lambda: members.now)
+        yield mangler, here, inbox, members
+
+
+def test_what_no_rule_hits_passes(ends):
+    _, here, inbox, _ = ends
+    here.publish(state(1))
+    assert inbox.get(timeout=3.0).tick == 1
+
+
+def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends, eventually):
+    mangler, here, inbox, members = ends
+    mangler.set((Rule("cut"),))
+    assert eventually(lambda: not members.now)
+    here.publish(state(1))
+    assert eventually(lambda: mangler.done["cut"] == 1)
+    mangler.set(())
+    assert eventually(lambda: members.now)
+    here.publish(state(2))
+    assert inbox.get(timeout=3.0).tick == 2
+
+
+def test_duplicates_arrive_twice_and_lost_ones_never(ends, eventually):
+    mangler, here, inbox, _ = ends
+    mangler.set((Rule("duplicate"),))
+    here.publish(state(1))
+    assert [inbox.get(timeout=3.0).tick for _ in range(2)] == [1, 1]
+    mangler.set((Rule("drop", topics=("state",)),))
+    here.publish(state(2))
+    assert eventually(lambda: mangler.done["drop"] == 1)
+    assert inbox.empty()
+
+
+def test_it_may_end_with_messages_on_their_way(endpoints, eventually, monkeypatch, capfd):
+    def slow(payload, _rng):
+        time.sleep(0.002)
+        return payload
+
+    monkeypatch.setitem(TAMPERS, "garbage", slow)
+    with Bus.dial(endpoints[0], "spot") as here:
+        with Mangler(*endpoints, seed=1) as mangler:
+            mangler.set((Rule("garbage"),))
+
+            def passes():
+                for tick in range(100):
+                    here.publish(state(tick))
+                return mangler.done["passed"] > 0
+
+            assert eventually(passes)
+        passed = mangler.done["passed"]
+        time.sleep(0.3)  # Zenoh hands over the others
+    assert mangler.done["passed"] == passed
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(("kind", "share"), [("burn", 1.0), ("drop", 0.0), ("drop", 1.5)])
+def test_a_rule_that_makes_no_sense_is_refused(kind, share):
+    with pytest.raises(UsageError, match=r"valid|share must be in"):
+        Rule(kind, share)

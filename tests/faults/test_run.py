@@ -1,0 +1,153 @@
+"""Faults on real processes, a few of them: `sumo-dist chaos deploy/chaos/*.toml` has more."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sumo_dist.errors import UsageError
+from sumo_dist.faults import run as stage
+from sumo_dist.faults.run import Stage, play
+from sumo_dist.faults.script import Fault, Script
+from sumo_dist.faults.verdict import crashed, unsafe
+from sumo_dist.robots.spot import SPOT
+
+STAND = np.array(SPOT.stand)
+
+
+@pytest.mark.parametrize(
+    ("targets", "found"),
+    [
+        ([STAND, STAND + 0.01 * (np.arange(19) < 12)], []),
+        ([STAND * np.nan], ["a command that is not finite was sent"]),
+        ([STAND + np.eye(19)[2] * 0.8, STAND + np.eye(19)[2] * 1.6], ["a command above its limit"]),
+        ([STAND - np.eye(19)[1] * 0.81], ["a command beyond its rate was sent"]),
+    ],
+)
+def test_unsafe_commands_are_found(targets, found):
+    wrong = unsafe(targets, SPOT)
+    assert len(wrong) == len(found)
+    assert all(line.startswith(start) for line, start in zip(wrong, found, strict=True))
+
+
+def test_a_crash_is_a_traceback_through_this_package():
+    head = "Traceback (most recent call last):\n"
+    ours = f'{head}  File "/x/sumo_dist/wire/bus.py", line 3\n    f()\nValueError: no\nmore\n'
+    assert crashed(f"hello\n{ours}") == "ValueError: no"
+    assert crashed(f'{head}  File "<string>", line 3\nEOFError: no\n') == ""
+
+
+def test_a_target_that_is_no_service_is_named():
+    with pytest.raises(UsageError, match=r"no service 'cook'; valid: .*optimizer, local-0"):
+        play(Script((Fault("kill", 1, "cook"),)))
+
+
+def test_services_that_are_apart_or_behind_must_be_some():
+    for place in ("behind", "apart"):
+        script = Script((Fault("kill", 1, "local-0"),), **{place: ("router",)})
+        with pytest.raises(UsageError, match=r"no service 'router'; valid: .*local-1"):
+            Stage(script, Path())._planned("tcp/127.0.0.1:1")
+
+
+def test_a_viewer_that_is_not_installed_is_one_clear_error(monkeypatch):
+    monkeypatch.setattr(stage, "find_spec", lambda _name: None)
+    with pytest.raises(UsageError, match=r"script has a viewer: pip install 'sumo-dist\[view\]'"):
+        play(Script((Fault("kill", 1, "viewer"),), viewer="web"))
+
+
+def test_a_fault_of_disks_needs_linux(monkeypatch):
+    monkeypatch.delattr("resource.prlimit", raising=False)
+    with pytest.raises(UsageError, match="needs prlimit, which only Linux has"):
+        play(Script((Fault("disk", 1, "optimizer"),)))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_a_bad_network_and_dying_services_change_nothing_in_lockstep():
+    outcome = play(
+        Script(
+            (
+                Fault("drop", 2, share=0.2, lasts=0.5),
+                Fault("kill", 5, "router", lasts=0.1),
+                Fault("garbage", 8, share=0.2, lasts=0.5),
+                Fault("delay", 11, jitter_ms=40.0, lasts=0.5),
+                Fault("cut", 14, lasts=0.3),
+            ),
+            clock="lockstep",
+            behind=("optimizer", "local-0"),
+            time_limit=1.0,
+            resumes=10.0,  # a busy machine is slow to start a router
+        )
+    )
+    assert outcome.failures == ()
+    assert (outcome.end, outcome.faults, outcome.plans) == ("timeout", 5, 20)
+    assert {"drop", "garbage", "delay"} <= outcome.mangled.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_lies_and_nonsense_in_realtime_harm_nobody():
+    outcome = play(
+        Script(
+            (
+                Fault("lie", 4, topics=("reply",), lasts=0.6),
+                Fault("nonsense", 12, share=0.2, lasts=0.6),
+                Fault("misshape", 20, topics=("reply",), lasts=0.3),
+            ),
+            behind=("local-0",),
+            time_limit=1.5,
+        )
+    )
+    assert outcome.failures == ()
+    assert outcome.faults == 3
+    assert outcome.mangled["lie"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.skipif(sys.platform != "linux", reason="needs prlimit and a shim of the C library")
+def test_what_control_does_not_need_is_not_missed(tmp_path):
+    pytest.importorskip("rerun")
+    outcome = play(
+        Script(
+            (
+                Fault("clock", 3, lasts=0.5),
+                Fault("disk", 6, "robot-interface", lasts=0.5),
+                Fault("disk", 9, "tracer", lasts=1.0),
+                Fault("kill", 12, "viewer"),
+                Fault("kill", 18, "tracer", lasts=0.1),
+            ),
+            viewer="web",
+            time_limit=1.4,
+        ),
+        tmp_path,
+    )
+    assert outcome.failures == ()
+    assert outcome.faults == 5
+    assert outcome.plans == 28
+    said = (tmp_path / "messages.txt").read_text()
+    assert "the plan ran out" not in said
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.skipif(
+    sys.platform != "linux" or os.geteuid() != 0 or not shutil.which("ip"),
+    reason="needs Linux, root and iproute2",
+)
+def test_a_worker_whose_cable_was_out_for_longer_than_the_lease_comes_back(tmp_path):
+    outcome = play(
+        Script(
+            (Fault("unplug", 2, lasts=0.2), Fault("unplug", 5, lasts=1.3)),
+            apart=("local-0",),
+            time_limit=1.0,
+        ),
+        tmp_path,
+    )
+    assert outcome.failures == ()
+    said = (tmp_path / "messages.txt").read_text()
+    assert said.count("worker local-0 left") == 1
+    assert said.count("worker local-0 joined") == 2

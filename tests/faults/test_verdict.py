@@ -1,0 +1,99 @@
+"""What a run is judged by: its end, and that planning resumed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sumo_dist.commands.chaos import text
+from sumo_dist.faults.growth import Growth
+from sumo_dist.faults.occurrence import Blow
+from sumo_dist.faults.run import episode_of
+from sumo_dist.faults.script import Fault, Script
+from sumo_dist.faults.verdict import counted, judge
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.provenance import timing_provenance
+from sumo_dist.record.recording import Recording
+from sumo_dist.robots.spot import SPOT
+from sumo_dist.tasks import load_task
+
+SUMMARY = {
+    "plans": 3,
+    "robot_time_s": 0.1,
+    "real_time_factor": 0.3,
+    "rollouts_per_plan_p50": 10.0,
+}
+SCRIPT = Script((Fault("kill", 1, "local-0"),))
+
+
+@pytest.fixture(scope="module")
+def recording():
+    config = episode_of(SCRIPT)
+    problem = Problem.build(load_task(config.task), planning_options(config.planner))
+    recording = Recording(config.describe(problem, "none"))
+    for _ in range(3):
+        recording.targets.append(np.array(SPOT.stand))
+    return recording
+
+
+@pytest.fixture
+def judged(recording, tmp_path):
+    """Return a function that judges a run which ended somehow."""
+
+    def judged(end, blows, script=SCRIPT, without=None, until=20.0):
+        (tmp_path / "messages.txt").write_text("")
+        (tmp_path / "summary.json").write_text(json.dumps(SUMMARY | {"end_reason": end}))
+        recording.save(tmp_path / "run.npz")
+
+        def undisturbed():
+            assert without is not None, "it was played for nothing"
+            return without
+
+        return judge(script, blows, 1, tmp_path, (), {}, until, undisturbed)
+
+    return judged
+
+
+def blow(ended, resumed):
+    return Blow(SCRIPT.faults[0], 1.0, ended, resumed)
+
+
+def test_a_fall_counts_only_if_the_run_without_faults_does_not_fall(judged):
+    worse = judged("fell", [], without="timeout")
+    assert worse.failures == (
+        "it ended: fell; without faults: timeout",
+        "0 of 1 faults happened before it ended",
+    )
+    same = judged("fell", [], without="fell")
+    assert (same.failures, same.undisturbed) == ((), "fell")
+
+
+def test_other_ends_need_no_second_run(judged):
+    assert judged("timeout", [blow(2.0, 2.5)]).failures == ()
+    assert judged("stopped by me", [blow(2.0, 2.5)]).failures == ("it ended: stopped by me",)
+    assert judged("fell", [], replace(SCRIPT, faults=())).failures == ("it ended: fell",)
+
+
+def test_planning_must_resume_in_time(judged):
+    late = judged("timeout", [blow(2.0, 4.0)])
+    assert late.failures == ("planning resumed 2.00 s after kill local-0",)
+    assert late.slowest_s == 2.0
+
+
+def test_planning_that_never_resumes_is_late_unless_the_robot_sat_down(judged):
+    never = blow(2.0, None)
+    assert judged("timeout", [never]).failures == ("no plan for 18.00 s after kill local-0",)
+    blind = "fault: no state for 0.1 s, the robot sat down"
+    assert judged(blind, [never], replace(SCRIPT, ends=(blind,))).failures == ()
+
+
+def test_a_fall_that_is_not_the_faults_is_told_without_being_a_failure(judged):
+    said = text(timing_provenance(), [judged("fell", [], without="fell")])
+    assert "0 runs not as they must be" in said
+    assert "- script seed 1: it fell, as it does without faults" in said
+
+
+def test_the_tracer_may_grow():
+    growths = [Growth(name, 1, 9.0, (100.0, 250.0), (9.0, 9.0)) for name in ("tracer", "optimizer")]
+    assert [growth.service for growth in counted(growths)] == ["optimizer"]
