@@ -1,26 +1,27 @@
-"""Turns the robot's readings into the state that policy and planner act on, one per tick."""
+"""Turns the robot's readings into the state that policy and planner act on, one per tick.
+
+It is started for no task: it takes up the episode that the robot is in.
+"""
 
 import logging
 import queue
 import threading
-import time
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.health import Counters, Pulse
-from sumo_dist.wire.keys import BY_HAND
-from sumo_dist.wire.messages import Sensors, State
+from sumo_dist.wire.health import Counters, Heartbeat
+from sumo_dist.wire.messages import EpisodeInfo, Sensors, State
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
-SILENCE_S = 0.5  # after it, readings of the first tick are those of a robot that was started again
 JUMP = 50  # ticks; readings from further off count once two in a row are from there
 
 log = logging.getLogger("sumo_dist.estimator")
@@ -31,93 +32,106 @@ class EstimatorOptions:
     """A state estimator.
 
     Attributes:
-        task: decides the model, and with it what the readings are.
         connect: the router's endpoint.
         robot: whose state to estimate.
-        estimator: "truth" or "lowpass".
     """
 
-    task: str
     connect: str = DEFAULT_ENDPOINT
     robot: str = "spot"
-    estimator: str = "truth"
 
 
 def run(options: EstimatorOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
-    model = compile_model(load_task(options.task).scene, PLANT)
-    desk = Desk(options.estimator, model)
+    server = EstimatorServer()
+    inbox: queue.SimpleQueue[EpisodeInfo | Sensors] = queue.SimpleQueue()
     with Bus.dial(options.connect, options.robot) as bus:
-        inbox = bus.inbox(Sensors)
-        with Pulse(bus, BY_HAND, "estimator", desk.health):
-            bus.announce("estimator", "main", options.estimator)
+        bus.subscribe(EpisodeInfo, inbox.put)
+        bus.subscribe(Sensors, inbox.put)
+        with Heartbeat(bus, "estimator", server.health):
+            bus.announce("estimator", "main")
             while not stop.is_set():
                 try:
-                    state = desk.answer(inbox.get(timeout=0.1))
+                    state = server.answer(inbox.get(timeout=0.1))
                 except queue.Empty:
                     continue
                 if state is not None:
                     bus.publish(state)
 
 
-class Desk:
+class EstimatorServer:
     """Answers readings with states. A reading that is sent again gets the same answer again.
 
-    Each run begins with a fresh estimate: one with another id, and one with the same, as a robot
-    that is started by hand has, which begins at the first tick.
+    Each episode begins with a fresh estimate.
     """
 
-    def __init__(self, estimator: str, model: mujoco.MjModel) -> None:
-        """Estimate states of a scene's model."""
-        self._kind, self._model = estimator, model
-        self._estimate = make_estimator(estimator, model)
+    def __init__(self) -> None:
+        """Start with no episode."""
+        self._run = ""
+        self._kind = ""
+        self._model: mujoco.MjModel | None = None
         self._newest: State | None = None
-        self._heard = 0.0  # time.monotonic() of the last readings after the first tick's
-        self._odd = -1  # tick of the last readings, if they came from far off
+        self._far = -1  # tick of the last readings, if they came from far off
         self._failures = 0
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
-        outliers = getattr(self._estimate, "outliers", 0)
+        estimate = getattr(self, "_estimate", None)
         tick = self._newest.tick if self._newest else -1
-        return self._kind, {"tick": tick, "outliers": outliers, "failures": self._failures}
+        counters = {"tick": tick, "outliers": getattr(estimate, "outliers", 0)}
+        return self._kind or "waiting", {**counters, "failures": self._failures}
 
-    def answer(self, sensors: Sensors) -> State | None:
-        """Return the state at the readings' tick, None if there is none to be had."""
-        newest, now = self._newest, time.monotonic()
-        again = sensors.tick == 0 and now - self._heard > SILENCE_S
-        if sensors.tick > 0:
-            self._heard = now
-        if newest is None or sensors.run != newest.run or again:
-            self._estimate, newest = make_estimator(self._kind, self._model), None
-        elif abs(sensors.tick - newest.tick) <= JUMP:
-            self._odd = -1
-        elif self._is_confirmed(sensors.tick):
-            self._estimate, newest = make_estimator(self._kind, self._model), None
-        else:
-            self._failures += 1
-            log.error("readings of tick %d after tick %d: dropped", sensors.tick, newest.tick)
-            return None
-        if newest is None or sensors.tick > newest.tick:
-            try:
-                state = self._estimate(_readings(sensors))
-                if not np.isfinite(state).all():  # and a filter does not forget that by itself
-                    self._estimate = make_estimator(self._kind, self._model)
-                    raise SumoError("the sensors' packets make no sense: starting afresh")
-            except SumoError as error:
-                self._failures += 1
-                log.error("%s", error)
+    def answer(self, message: EpisodeInfo | Sensors) -> State | None:
+        """Take up an episode, or return the state at the readings' tick; None if there is none."""
+        try:
+            if isinstance(message, EpisodeInfo):
+                self._enter(message)
                 return None
+            return self._state(message)
+        except SumoError as error:
+            self._failures += 1
+            log.error("%s", error)
+            return None
+
+    def _enter(self, info: EpisodeInfo) -> None:
+        if info.run == self._run:
+            return
+        config = EpisodeConfig.from_json(info.config)
+        self._run, self._model = info.run, None
+        self._model = compile_model(load_task(config.task).scene, PLANT)
+        self._kind = config.estimator
+        self._start_afresh()
+
+    def _start_afresh(self) -> None:
+        assert self._model is not None, "an episode was entered"
+        self._estimate, self._newest = make_estimator(self._kind, self._model), None
+
+    def _state(self, sensors: Sensors) -> State | None:
+        if sensors.run != self._run or self._model is None:
+            return None  # of an episode that is over, or that could not be entered
+        if self._newest is not None:
+            self._check_distance(sensors.tick, self._newest.tick)
+        newest = self._newest
+        if newest is None or sensors.tick > newest.tick:
+            state = self._estimate(_readings(sensors))
+            if not np.isfinite(state).all():  # and a filter does not forget that by itself
+                self._start_afresh()
+                raise SumoError("the sensors' packets make no sense: starting afresh")
             self._newest = newest = State(sensors.run, sensors.tick, state)
         return newest if sensors.tick == newest.tick else None
 
-    def _is_confirmed(self, tick: int) -> bool:
-        """Whether the readings before came from as far off: one that lies would keep out all."""
-        before, self._odd = self._odd, tick
-        confirmed = before >= 0 and abs(tick - before) <= JUMP
-        if confirmed:
-            self._odd = -1
-        return confirmed
+    def _check_distance(self, tick: int, newest: int) -> None:
+        """Refuse readings from far off, until two in a row are from there.
+
+        One reading of a wrong tick would otherwise keep out all that follow it.
+        """
+        before, self._far = self._far, -1
+        if abs(tick - newest) <= JUMP:
+            return
+        if before >= 0 and abs(tick - before) <= JUMP:
+            self._start_afresh()
+            return
+        self._far = tick
+        raise SumoError(f"readings of tick {tick} after tick {newest}: dropped")
 
 
 def _readings(sensors: Sensors) -> Readings:

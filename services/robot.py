@@ -1,34 +1,35 @@
-"""Owns the robot: follows the plan at robot time, runs the policy at 50 Hz, sends joint targets."""
+"""Owns the robot: follows the plan at robot time, runs the policy at 50 Hz, sends joint targets.
+
+It owns the episode, too, and tells all other services which one it is. A reset or another task is
+another episode of the same session: nothing is started again.
+"""
 
 import threading
 import time
+import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
 from sumo_dist.dispatch.robot_link import RobotLink
-from sumo_dist.episode.assemble import make_guard, make_plant
+from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.ending import Ending
-from sumo_dist.episode.follow import misfit
+from sumo_dist.episode.ending import End, Ending, fault
 from sumo_dist.episode.lockstep import run_lockstep
 from sumo_dist.episode.progress import Progress
-from sumo_dist.episode.realtime import RealtimeLoop, calibrate
-from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.safety import sitting_down
+from sumo_dist.episode.realtime import Pace, RealtimeLoop, calibrate, guarded
+from sumo_dist.episode.safety import sit_down
 from sumo_dist.episode.summary import keep
 from sumo_dist.errors import Interrupted, Stopped, SumoError
-from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.plant.simulated import Plant
+from sumo_dist.planner.report import PlanReport
 from sumo_dist.priority import goes_first
-from sumo_dist.record.recording import Recording
-from sumo_dist.rollout import engine_identity, make_controller
-from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
-from sumo_dist.wire.health import Counters, Pulse
-from sumo_dist.wire.keys import BY_HAND
-from sumo_dist.wire.messages import RunEnd
+from sumo_dist.wire.health import Counters, Heartbeat
+from sumo_dist.wire.keys import BY_HAND, Member
+from sumo_dist.wire.messages import EpisodeInfo
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
+
+LEAVING_S = 1.5  # a robot that was killed or cut off is seen for as long as this
 
 
 @dataclass(frozen=True)
@@ -36,127 +37,175 @@ class RobotOptions:
     """A robot, here a simulated one.
 
     Attributes:
-        episode: what to do.
+        episode: what to do first.
         connect: the router's endpoint.
         robot: its name on the bus.
-        run: id of the run.
-        out: folder for run.npz and summary.json.
+        out: folder for run.npz and summary.json; later episodes of the session have their files in
+            episode-2 and so on below it.
         speed: of the realtime clock, robot time per wall time; None fits it to the planner.
         wait: how long to wait for an answer before giving up [s].
-        resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
-            before the run ends [s].
+        resume_wait: how long a robot that has stopped in realtime waits to be told to stand
+            before the episode ends [s].
+        stay: after an episode has ended, wait for a reset or another task until interrupted.
     """
 
     episode: EpisodeConfig
     connect: str = DEFAULT_ENDPOINT
     robot: str = "spot"
-    run: str = BY_HAND
     out: Path = Path("runs", BY_HAND)
     speed: float | None = None
     wait: float = 30.0
     resume_wait: float = 0.0
+    stay: bool = False
 
 
 def run(options: RobotOptions, stop: threading.Event) -> int:
-    """Run one episode, write its recording and summary, return the exit code."""
-    config = options.episode
-    task = load_task(config.task)
-    problem = Problem.build(task, planning_options(config.planner))
-    recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
-    with Bus.dial(options.connect, options.robot, run=options.run) as bus:
-        tell = teller(bus, options.run, "robot")
-        plant = make_plant(config, task)
-        link = RobotLink(
-            *(bus, options.run, options.wait, stop, tell),
-            Progress(recording.config["terms"], lambda line: tell("info", line)),
-            lambda plan: misfit(plan, task.actions, plant.tick),
-            plant.model.nq + plant.model.nv,
-        )
-        body = _Body(options, problem, plant, link, recording, stop, tell)
-        with Pulse(bus, options.run, "robot", body.health):
-            bus.announce("robot", "main")
-            began = time.monotonic()
-            reason = body.run()
-            wall = time.monotonic() - (body.began or began)
-            for _ in range(3):  # messages may be dropped, and nobody answers this one
-                end = RunEnd(options.run, body.plant.tick, reason, success=reason == "success")
-                bus.publish(end)
-                time.sleep(0.02)
-    recording.commands = body.guard.account()
-    ending = Ending(reason, wall)
-    keep(recording, ending, options.out)
-    return ending.exit_code
+    """Run episodes, write their recordings and summaries, return the last one's exit code."""
+    with Bus.dial(options.connect, options.robot, run=uuid.uuid4().hex[:12]) as bus:
+        return Session(options, bus, stop).run()
 
 
-class _Body:
-    """The robot and what it does in one episode."""
+class Session:
+    """A robot on the bus, from its first episode to its last."""
 
-    def __init__(
-        self,
-        options: RobotOptions,
-        problem: Problem,
-        plant: Plant,
-        link: RobotLink,
-        recording: Recording,
-        stop: threading.Event,
-        tell: Tell,
-    ) -> None:
-        config, self._task = options.episode, problem.task
-        self._options, self._link, self._recording = options, link, recording
-        self._stop, self._tell = stop, tell
-        self.plant = plant
-        self.guard = make_guard(self._task, self.plant, recording)
-        self._controller = make_controller(problem.policy, self.plant.model, config.engine)
-        self._referee = Referee(self._task, self.plant.model, config.time_limit)
+    def __init__(self, options: RobotOptions, bus: Bus, stop: threading.Event) -> None:
+        """Speak on a bus until told to stop."""
+        self._options, self._bus, self._stop = options, bus, stop
+        self._id = bus.run or ""
+        self._tell: Tell = teller(bus, "robot")
+        self._speed = options.speed
+        self._optimizers: set[str] = set()
+        self._progress = Progress((), lambda line: self._tell("info", line))
+        self._link = RobotLink(bus, options.wait, stop, self._tell, self._on_plan)
+        self._episode: Episode | None = None
         self._loop: RealtimeLoop | None = None
-        self.began: float | None = None  # time.monotonic() at which a realtime clock started
         self._mode = "waiting"
 
-    def run(self) -> str:
-        """Return how the episode ended."""
-        try:
-            return self._lockstep() if self._options.episode.clock == "lockstep" else self._race()
-        except Interrupted:
-            return "interrupted"
-        except Stopped as order:
-            self._sit_down()
-            return f"{order}, the robot sat down"
-        except SumoError as error:
-            return f"fault: {error}"
+    def run(self) -> int:
+        """Return the exit code."""
+        self._claim_the_name()
+        config: EpisodeConfig | None = self._options.episode
+        number, code = 0, 0
+        with Heartbeat(self._bus, "robot", self.health):
+            while config is not None:
+                number += 1
+                ending, config = self._play(config, number)
+                code = ending.exit_code
+        return code
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
         mode = self._loop.mode if self._loop else self._mode
         slipped = round(self._loop.slipped_s, 2) if self._loop else 0.0
-        counters = {"tick": self.plant.tick, "refused": self._link.refused, "slipped s": slipped}
-        return mode, {**counters, **self.guard.account()}
+        counters: dict[str, int | float | str] = {"refused": self._link.refused}
+        if self._episode is not None:
+            counters |= {"tick": self._episode.body.tick, "slipped s": slipped}
+            counters |= self._episode.guard.account()
+        return mode, counters
 
-    def _lockstep(self) -> str:
-        self._mode = "running"
-        return run_lockstep(
-            *(self.plant, self.guard, self._controller, self._task.actions, self._referee),
-            self._link.ask_state,
-            lambda request: self._link.ask_plan(self.plant.read(), request),
-            self._recording,
+    def _claim_the_name(self) -> None:
+        """Be the robot of this name, or say who is.
+
+        Raises:
+            SumoError: another robot has the name.
+        """
+        robots, began = self._bus.watch("robot", self._on_robot), time.monotonic()
+        self._bus.watch("optimizer", self._on_optimizer)
+        time.sleep(0.1)  # those that are there are reported within milliseconds
+        while robots.now and time.monotonic() < began + LEAVING_S:
+            time.sleep(0.05)
+        if robots.now:
+            raise SumoError(
+                f"a robot named {self._options.robot!r} is at {self._options.connect} already: "
+                "end it, or give this one another --robot or another router"
+            )
+        self._bus.announce("robot", self._id)
+
+    def _on_robot(self, member: Member, alive: bool) -> None:
+        if alive and member.id != self._id and self._episode is not None:
+            self._tell("error", f"a second robot named {self._options.robot!r} has come")
+
+    def _on_optimizer(self, member: Member, alive: bool) -> None:
+        (self._optimizers.add if alive else self._optimizers.discard)(member.id)
+        if len(self._optimizers) > 1:
+            names = ", ".join(sorted(self._optimizers))
+            self._tell("warning", f"{len(self._optimizers)} optimizers plan for it: {names}")
+
+    def _on_plan(self, report: PlanReport) -> None:
+        self._progress(report)
+
+    def _play(self, config: EpisodeConfig, number: int) -> tuple[Ending, EpisodeConfig | None]:
+        """Run an episode; return how it ended and what follows it."""
+        out = self._options.out if number == 1 else self._options.out / f"episode-{number}"
+        self._episode = episode = Episode.assemble(config)
+        self._progress = Progress(
+            episode.problem.task.table.terms, lambda line: self._tell("info", line)
         )
+        run = f"{self._id}.{number}"
+        info = EpisodeInfo(run, config.to_json(), episode.problem.hash, number)
+        self._link.enter(episode, info)
+        began = time.perf_counter()
+        ending = episode.finish(self._guarded(episode), began)
+        keep(episode.recording, ending, out)
+        following = episode.controls.following
+        stays = self._options.stay and ending.kind is not End.INTERRUPTED
+        last = following is None and not stays
+        self._link.end(episode.body.tick, ending.reason, ending.success, last)
+        if following is None and stays:
+            following = self._await_another(episode, ending)
+        self._loop, self._mode = None, "waiting"
+        return ending, following
 
-    def _race(self) -> str:
-        # With a given speed too: it waits until everybody is there.
-        fitting = calibrate(self.plant, self._controller.initial_memory(), self._link)
-        speed = self._options.speed or fitting
+    def _guarded(self, episode: Episode) -> Ending:
+        """Run an episode; whatever goes wrong is its end, and this process goes on."""
+        try:
+            if episode.config.clock == "realtime":
+                return self._realtime(episode)
+            self._mode = "running"
+            ending = run_lockstep(
+                episode, self._link.ask_state, self._link.ask_plan, self._link.operator
+            )
+        except Interrupted:
+            return Ending(End.INTERRUPTED)
+        except SumoError as error:
+            return fault(error)
+        if ending.kind is End.STOPPED:
+            self._mode = "stopped"
+            return sit_down(episode, ending)
+        return ending
+
+    def _realtime(self, episode: Episode) -> Ending:
+        """Run against the wall clock, once everybody is there."""
+        try:
+            state = self._link.ask_state(episode.body.read())
+            fitting = calibrate(episode, state, self._link)
+        except Stopped:
+            end = episode.controls.operate(self._link.operator, episode.body.tick)
+            return sit_down(episode, end or fault("stopped"))
+        self._speed = self._speed or fitting
         priority = "real-time" if goes_first() else "normal"
-        self._tell("info", f"realtime at {speed:.3f} of the wall clock, {priority} priority")
-        self.began = time.monotonic()
+        self._tell("info", f"realtime at {self._speed:.3f} of the wall clock, {priority} priority")
         self._loop = RealtimeLoop(
-            *(self.plant, self.guard, self._controller, self._task, self._referee, self._link),
-            *(self._recording, speed, self._stop, self._tell, self._options.resume_wait),
+            episode,
+            self._link,
+            self._link.operator,
+            Pace(self._speed, self._options.resume_wait),
+            self._stop,
+            self._tell,
         )
-        return self._loop.run()
+        return guarded(self._loop, episode)
 
-    def _sit_down(self) -> None:
-        """Stop a robot that lets everybody wait: its clock does not run by itself."""
-        self._mode = "stopped"
-        memory = self._controller.initial_memory()
-        for targets in sitting_down(self._task.scene.robot, self.guard.last):
-            self.guard.send(targets)
-            self._recording.add_tick(self.plant.state, self.plant.state, memory)
+    def _await_another(self, episode: Episode, ending: Ending) -> EpisodeConfig | None:
+        """Wait for a command that begins another episode; None if told to end."""
+        self._tell("info", f"the episode has ended: {ending.reason}; waiting for a reset or a task")
+        self._mode, operator = "ended", self._link.operator
+        while not self._stop.is_set():
+            for command in operator.take(episode.body.tick, 0.0):
+                refusal = "the episode has ended: reset, or give a task"
+                if command.verb in ("reset", "task"):
+                    refusal = episode.controls.apply(command, episode.body.tick)
+                operator.answer(command, episode.body.tick, refusal)
+                if episode.controls.following is not None:
+                    return episode.controls.following
+            self._stop.wait(0.05)
+        return None

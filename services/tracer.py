@@ -7,29 +7,33 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sumo_dist.dispatch.evaluator import PACE
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.keys import BY_HAND, Member
+from sumo_dist.wire.keys import BY_HAND, Member, unique_name
 from sumo_dist.wire.messages import (
+    Ack,
+    EpisodeEnd,
+    EpisodeInfo,
     Event,
     Health,
     Message,
     PlanMessage,
-    RunEnd,
+    Question,
     State,
-    Status,
     Traces,
+    WorkerHealth,
 )
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -40,7 +44,19 @@ if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not
 BACKLOG = 2000  # messages; some ten seconds of a run
 PATIENCE = 4  # plans by which candidates' paths may lag behind their costs
 
-_PERIOD_MS = 50.0  # robot time between plans
+SHOWN = (
+    EpisodeInfo,
+    State,
+    Question,
+    PlanMessage,
+    Traces,
+    Event,
+    Ack,
+    Health,
+    WorkerHealth,
+    EpisodeEnd,
+)
+
 _IDLE_S = 0.2
 _LAST_WORDS_S = 1.0  # how long messages are still taken after the stop
 
@@ -52,20 +68,17 @@ class TracerOptions:
     """A tracer.
 
     Attributes:
-        episode: what is run.
         out: folder for run.rrd; one that is there already is left alone, and the next number taken.
+            Later episodes of a session have theirs in episode-2 and so on below it.
         connect: the router's endpoint.
-        robot: whose run to show.
-        run: id of the run; others' messages are dropped.
+        robot: whose episodes to show.
         viewer: "web", "native" or "none".
-        linger: keep the viewer after the run, until told to stop or it is closed.
+        linger: keep the viewer after the last, until told to stop or it is closed.
     """
 
-    episode: EpisodeConfig
     out: Path = Path("runs", BY_HAND)
     connect: str = DEFAULT_ENDPOINT
     robot: str = "spot"
-    run: str = BY_HAND
     viewer: str = "web"
     linger: bool = False
 
@@ -150,19 +163,25 @@ def _assemble(rollouts: int, shards: list[Traces]) -> tuple[np.ndarray, np.ndarr
 
 
 class Tracer:
-    """Turns messages into what is seen."""
+    """Turns messages into what is seen; each episode gets a logger of its own."""
 
-    def __init__(self, logger: "RunLogger", iterations: int) -> None:
-        """Write to a logger; of each plan, the last of `iterations` is shown."""
+    def __init__(self, open_logger: Callable[[EpisodeInfo], "RunLogger"]) -> None:
+        """Start with no episode; `open_logger` returns where one is written, and ends the last."""
         self.ended = False
-        self._logger = logger
+        self._open_logger = open_logger
+        self._logger: RunLogger | None = None
+        self._run = ""
+        self._workers: set[Member] = set()
+        self._failures = 0
+        self._begin(1)
+
+    def _begin(self, iterations: int) -> None:
+        """Expect an episode of whose plans the last of some iterations is shown."""
         self._iterations = iterations
         self._candidates = Candidates()
-        self._workers: set[Member] = set()
         self._tick = -1
         self._plan = -1
-        self._budget_ms = _PERIOD_MS
-        self._failures = 0
+        self._budget_ms = PLAN_PERIOD * 1e3
 
     def show(self, item: Message | Presence) -> None:
         """Show one message; one that cannot be shown is left out and the first of them told."""
@@ -180,61 +199,78 @@ class Tracer:
     def flush(self) -> None:
         """Bring viewer and file up to date."""
         try:
-            self._logger.flush()
+            if self._logger is not None:
+                self._logger.flush()
         except RuntimeError as error:
             _log.warning("the viewer cannot be brought up to date: %s", error)
 
     def _show(self, item: Message | Presence) -> None:
+        if isinstance(item, EpisodeInfo):
+            self._enter(item)
+        elif isinstance(item, Presence):
+            self._presence(item)
+        elif self._logger is not None and (type(item).any_run or item.run == self._run):
+            self._show_message(self._logger, item)
+
+    def _enter(self, info: EpisodeInfo) -> None:
+        if info.run == self._run:
+            return
+        self._run, self._logger = info.run, None
+        self._begin(EpisodeConfig.from_json(info.config).planner.iterations)
+        self._logger = self._open_logger(info)
+
+    def _show_message(self, logger: "RunLogger", item: Message) -> None:
         match item:
             case State() if item.tick > self._tick:
                 self._tick = item.tick
-                self._logger.log_state(item.tick, item.state)
-            case Status():
+                logger.log_state(item.tick, item.state)
+            case Question():
                 realtime = item.clock == "realtime" and item.speed > 0
-                self._budget_ms = _PERIOD_MS / item.speed if realtime else _PERIOD_MS
+                self._budget_ms = PLAN_PERIOD * 1e3 / (item.speed if realtime else 1.0)
             case PlanMessage() if item.plan.number != self._plan:  # in lockstep, some come twice
                 self._plan = item.plan.number
-                self._logger.log_plan(item.report, self._budget_ms)
-                self._logger.log_workers(item.plan.tick, len(self._workers))
+                logger.log_plan(item.report, self._budget_ms)
+                logger.log_workers(item.plan.tick, len(self._workers))
                 self._candidates.add_plan(item.report)
-                self._show_candidates()
+                self._show_candidates(logger)
             case Traces() if item.iteration == self._iterations - 1:
                 self._candidates.add_shard(item)
-                self._show_candidates()
+                self._show_candidates(logger)
+            case _:
+                self._show_words(logger, item)
+
+    def _show_words(self, logger: "RunLogger", item: Message) -> None:
+        match item:
             case Health():
-                self._health(item)
+                for name, value in item.counters.items():
+                    logger.log_health(max(self._tick, 0), item.source, name, value)
+            case WorkerHealth():
+                logger.log_pace(max(self._tick, 0), item.worker, item.rollouts_per_s)
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
-            case Presence():
-                self._presence(item)
-            case RunEnd() if not self.ended:
-                self.ended = True
-                self._event(
-                    "info" if item.success else "warning", f"the run has ended: {item.reason}"
-                )
+            case Ack():
+                how = f"refused: {item.refusal}" if item.refusal else "carried out"
+                self._event("info", f"command {item.number} of {item.sender} {how}")
+            case EpisodeEnd():
+                level = "info" if item.success else "warning"
+                self._event(level, f"the run has ended: {item.reason}")
+                self.ended = item.last
 
-    def _show_candidates(self) -> None:
+    def _show_candidates(self, logger: "RunLogger") -> None:
         for report, costs, paths in self._candidates.ready():
-            self._logger.log_candidates(report.plan.tick, costs, paths)
+            logger.log_candidates(report.plan.tick, costs, paths)
 
     def _presence(self, item: Presence) -> None:
         if item.alive:
             self._workers.add(item.member)
         else:
             self._workers.discard(item.member)
-        self._logger.log_workers(max(self._tick, 0), len(self._workers))
-
-    def _health(self, health: Health) -> None:
-        tick = max(self._tick, 0)
-        for name, value in health.counters.items():
-            worker = name.removesuffix(PACE)
-            if worker != name:
-                self._logger.log_pace(tick, worker, float(value))
-            else:
-                self._logger.log_health(tick, health.source, name, value)
+        if self._logger is not None:
+            self._logger.log_workers(max(self._tick, 0), len(self._workers))
 
     def _event(self, level: "Level", text: str) -> None:
-        self._logger.log_event(max(self._tick, 0), level, text)
+        if self._logger is not None:
+            self._logger.log_event(max(self._tick, 0), level, text)
 
 
 def run(options: TracerOptions, stop: threading.Event) -> None:
@@ -246,29 +282,37 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
 
     backlog = Backlog()
-    with Bus.dial(options.connect, options.robot, run=options.run) as bus:
+    with Bus.dial(options.connect, options.robot) as bus:
         # Listen first: by the time that Rerun is loaded, the run may have begun.
-        for kind in (State, Status, PlanMessage, Traces, Event, Health, RunEnd):
+        for kind in SHOWN:
             bus.subscribe(kind, backlog.put)
         bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
-        bus.announce("tracer", "main")
+        bus.announce("tracer", unique_name())
         _trace(options, backlog, stop)
 
 
 def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> None:
-    from sumo_dist.view.outputs import Outputs
+    from sumo_dist.view.outputs import LiveServer, Outputs
     from sumo_dist.view.rrd_file import RrdFile
     from sumo_dist.view.run_logger import RunLogger
     from sumo_dist.view.viewers import SERVER_PORT, free_port
 
-    file = RrdFile(_unused(options.out), _log.warning)
-    port = None if options.viewer == "none" else free_port(SERVER_PORT)
-    with (
-        Outputs(options.run, file, port) as out,
-        _open_viewer(options.viewer, out.url) as viewer,
-    ):
-        logger = RunLogger(out, load_task(options.episode.task), options.episode, distributed=True)
-        _follow(Tracer(logger, options.episode.planner.iterations), backlog, viewer, stop)
+    with ExitStack() as stack, ExitStack() as episode:
+        url = None
+        if options.viewer != "none":
+            url = stack.enter_context(LiveServer(free_port(SERVER_PORT))).url
+        viewer = stack.enter_context(_open_viewer(options.viewer, url))
+
+        def open_logger(info: EpisodeInfo) -> RunLogger:
+            episode.close()
+            config = EpisodeConfig.from_json(info.config)
+            folder = options.out if info.number == 1 else options.out / f"episode-{info.number}"
+            folder.mkdir(parents=True, exist_ok=True)
+            file = RrdFile(_unused(folder), _log.warning)
+            out = episode.enter_context(Outputs(info.run, file, url))
+            return RunLogger(out, load_task(config.task), config, distributed=True)
+
+        _follow(Tracer(open_logger), backlog, viewer, stop)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
         while options.linger and viewer.running() and not stop.wait(_IDLE_S):

@@ -4,39 +4,32 @@ A worker is started for no task: the first request names one, and it compiles th
 """
 
 import logging
-import os
-import re
-import socket
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
-from sumo_dist.dispatch.evaluator import misfit
+from sumo_dist.dispatch.workers import misfit
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.priority import give_way
+from sumo_dist.priority import lower_priority
 from sumo_dist.rollout import engine_identity
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.health import Counters, Pulse
-from sumo_dist.wire.keys import BY_HAND, checked_name
+from sumo_dist.wire.health import Counters, Heartbeat
+from sumo_dist.wire.keys import checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
+LEAVING_S = 1.5  # a worker that was killed or cut off is seen for as long as this
+
 log = logging.getLogger("sumo_dist.worker")
-Key = tuple[str, tuple[tuple[str, int | float | str], ...]]  # task and planner settings
-
-
-def unique_name() -> str:
-    """Return a name that no other process on any host has."""
-    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()).strip("-")[:40]
-    return f"{host or 'host'}-{os.getpid()}"
 
 
 @dataclass(frozen=True)
@@ -64,17 +57,22 @@ class WorkerOptions:
 
 
 def run(options: WorkerOptions, stop: threading.Event) -> None:
-    """Serve until told to stop."""
+    """Serve until told to stop.
+
+    Raises:
+        SumoError: another worker has the name, or the optimizer is of another build.
+    """
     _, build = engine_identity(options.engine)
-    give_way()
+    lower_priority()
     inbox = Inbox()
     with (
         Bus.dial(options.connect, options.robot) as bus,
-        Workshop(options) as workshop,
-        Pulse(bus, BY_HAND, options.name, workshop.health),
+        EvaluatorCache(options) as evaluators,
+        Heartbeat(bus, options.name, evaluators.health),
     ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
         optimizers = bus.watch("optimizer")
+        _claim_the_name(bus, options)
         bus.announce("worker", options.name, build)
         while not stop.is_set():
             for optimizer in optimizers.now:
@@ -83,12 +81,25 @@ def run(options: WorkerOptions, stop: threading.Event) -> None:
             request = inbox.get(timeout=0.1)
             if request is None:
                 continue
-            reply, traces = workshop.answer(request)
+            reply, traces = evaluators.answer(request)
             bus.publish(reply)
             if reply.refusal:
                 log.error("refused plan %d: %s", request.number, reply.refusal)
             if traces is not None:
                 bus.publish(traces)
+
+
+def _claim_the_name(bus: Bus, options: WorkerOptions) -> None:
+    """Be the worker of this name: two of one name would answer each other's requests."""
+    workers, began = bus.watch("worker"), time.monotonic()
+    time.sleep(0.05)  # those that are there are reported within milliseconds
+    while any(member.id == options.name for member in workers.now):
+        if time.monotonic() > began + LEAVING_S:
+            raise SumoError(
+                f"a worker named {options.name!r} is at {options.connect} already: "
+                "give this one another --name"
+            )
+        time.sleep(0.05)
 
 
 class Inbox:
@@ -124,16 +135,17 @@ class Inbox:
             return None
 
 
-class Workshop:
-    """The task that is worked on, and the newest answers, in case they are asked for again."""
+class EvaluatorCache:
+    """The problem that is worked on, and the newest answers, in case they are asked for again."""
 
     def __init__(self, options: WorkerOptions) -> None:
         """Start with no task."""
         self._options = options
-        self._key: Key | None = None
+        self._source: tuple[str, float, float] | None = None  # task and what its model depends on
         self._problem: Problem | None = None
         self._engine: Engine | None = None
         self._evaluator: Evaluator | None = None
+        self._config: PlannerConfig | None = None
         self._plan: tuple[str, int, int] | None = None
         self._answers: dict[bytes, tuple[Evaluation, float]] = {}
         self._done = self._refusals = 0  # requests answered and refused
@@ -141,15 +153,15 @@ class Workshop:
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
-        task = self._key[0] if self._key else ""
+        task = self._source[0] if self._source else ""
         counters = {"answered": self._done, "refused": self._refusals, "task": task}
         return "worker", {**counters, "busy s": round(self._busy_ms / 1e3, 1)}
 
-    def __enter__(self) -> "Workshop":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._leave()
+        self._close()
 
     def answer(self, request: RolloutRequest) -> tuple[RolloutReply, Traces | None]:
         """Roll out a shard; what cannot be done is a reply that says why."""
@@ -157,9 +169,8 @@ class Workshop:
             evaluation, compute_ms = self._evaluate(request)
         except SumoError as error:
             self._refusals += 1
-            return self._reply(
-                request, np.empty((0, 0)), np.empty(0, bool), refusal=str(error)
-            ), None
+            nothing = np.empty((0, 0)), np.empty(0, bool)
+            return self._reply(request, *nothing, refusal=str(error)), None
         self._done, self._busy_ms = self._done + 1, self._busy_ms + compute_ms
         valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
         terms = np.where(valid[:, None], evaluation.terms, 0.0)
@@ -179,7 +190,7 @@ class Workshop:
         if plan != self._plan:
             self._plan, self._answers = plan, {}
         # A number may be asked for twice with another content: by a restarted optimizer.
-        question = request.state, request.memory, request.knots
+        question = request.state, request.memory, request.parameters, request.knots
         content = b"".join(array.tobytes() for array in question)
         if content not in self._answers:
             began = time.perf_counter()
@@ -189,25 +200,34 @@ class Workshop:
 
     def _prepare(self, request: RolloutRequest) -> Evaluator:
         """Compile what the request is about, unless that is what the last one was about."""
-        key = (request.task, tuple(sorted(request.settings.items())))
-        if key != self._key or self._evaluator is None or self._problem is None:
-            self._leave()
-            config = PlannerConfig.from_settings(request.settings)
-            problem = Problem.build(load_task(request.task), planning_options(config))
-            self._engine = problem.engine(self._options.threads, self._options.engine)
-            self._evaluator = Evaluator(problem, self._engine, config)
-            self._key, self._problem = key, problem
-        if self._problem.hash != request.task_hash:
+        config = PlannerConfig.from_settings(request.settings)
+        source = request.task, config.timestep, config.fluid_density
+        if source != self._source or self._hash() != request.task_hash:  # or its files changed
+            self._compile(source, config)
+        if self._hash() != request.task_hash:
             raise SumoError(
-                f"its {request.task} has hash {self._problem.hash}, the optimizer's has "
+                f"its {request.task} has hash {self._hash()}, the optimizer's has "
                 f"{request.task_hash}: the task's files differ between the hosts"
             )
+        if self._evaluator is None or config != self._config:
+            assert self._problem is not None and self._engine is not None, "it was compiled"
+            self._evaluator = Evaluator(self._problem, self._engine, config)
+            self._config, self._answers = config, {}
         return self._evaluator
 
-    def _leave(self) -> None:
+    def _hash(self) -> str:
+        return self._problem.hash if self._problem is not None else ""
+
+    def _compile(self, source: tuple[str, float, float], config: PlannerConfig) -> None:
+        self._close()
+        self._problem = Problem.build(load_task(source[0]), planning_options(config))
+        self._engine = self._problem.engine(self._options.threads, self._options.engine)
+        self._source = source
+
+    def _close(self) -> None:
         if self._engine is not None:
             self._engine.close()
-        self._key = self._problem = self._engine = self._evaluator = self._plan = None
+        self._source = self._problem = self._engine = self._evaluator = self._plan = None
         self._answers = {}
 
     def _reply(

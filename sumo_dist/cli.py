@@ -46,10 +46,13 @@ COMMANDS = {
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
     "stop": Command(
-        "Make a running robot sit down at once", "sumo_dist.commands.orders", entry="stop"
+        "Make a running robot sit down at once", "sumo_dist.commands.ctl", entry="stop"
     ),
     "resume": Command(
-        "Let a robot that has stopped go on", "sumo_dist.commands.orders", entry="resume"
+        "Let a robot that has stopped go on", "sumo_dist.commands.ctl", entry="resume"
+    ),
+    "ctl": Command(
+        "Steer a running robot: pause, reset, weights, ...", "sumo_dist.commands.ctl", "CtlOptions"
     ),
     "top": Command("Show who is alive and what they lose", "sumo_dist.commands.top"),
     "chaos": Command("Run fault scripts and judge the runs", "sumo_dist.commands.chaos"),

@@ -40,7 +40,7 @@ def goes_first() -> bool:
     return hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0) == os.SCHED_RR
 
 
-def give_way() -> None:
+def lower_priority() -> None:
     """Let the other services of this machine go before this process."""
     os.nice(NICENESS)
     # Linux may group processes by session, and then weighs niceness within one only. A worker of a

@@ -1,7 +1,8 @@
 """Finding tasks: ours by name, those of installed packages by entry point, a user's by file."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -16,6 +17,7 @@ from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
+_BESIDE: set[str] = set()  # names of modules that task files have imported from beside them
 _OURS = {**ANALYSIS, **PUSHES, "g1/door_open": door_open}
 
 
@@ -59,11 +61,29 @@ def _from_file(path: Path) -> Task:
     module = ModuleType(f"sumo_dist_task_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses and inspect look it up there
-    _guarded(where, lambda: exec(compile(path.read_bytes(), path, "exec"), vars(module)))
-    build = getattr(module, "task", None)
-    if not callable(build):
-        raise UsageError(f"{where} defines no function task() that returns a Task")
-    return replace(_build(where, build, path.parent), source=str(path))
+    with _importing_from(path.parent):
+        _guarded(where, lambda: exec(compile(path.read_bytes(), path, "exec"), vars(module)))
+        build = getattr(module, "task", None)
+        if not callable(build):
+            raise UsageError(f"{where} defines no function task() that returns a Task")
+        return replace(_build(where, build, path.parent), source=str(path))
+
+
+@contextmanager
+def _importing_from(folder: Path) -> Iterator[None]:
+    """Let a task file import modules beside it, as they are now; installed ones come first."""
+    for name in list(_BESIDE):  # of another folder, or changed since
+        sys.modules.pop(name, None)
+        _BESIDE.discard(name)
+    known = set(sys.modules)
+    sys.path.append(str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        for name in set(sys.modules) - known:
+            if Path(getattr(sys.modules[name], "__file__", None) or "").parent == folder:
+                _BESIDE.add(name)
 
 
 def _from_package(point: EntryPoint) -> Task:

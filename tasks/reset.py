@@ -1,28 +1,30 @@
-"""Drawing start states: a settled stance, a pose for the robot, a pose for the object."""
+"""Drawing start states: a settled stance, a place for the robot, a place for each object."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from itertools import combinations
+from pathlib import Path
+from typing import Protocol, Self
 
 import mujoco
 import numpy as np
 
+from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.errors import SumoError
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
-from sumo_dist.model.scene import PLANT, Scene, build_spec, compile_model
+from sumo_dist.model.scene import ASSETS, PLANT, Scene, build_spec, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
 
-CLEARANCE = 1.0  # robot to object at the start of a move, centre to centre [m]
-AWAY = 0.5  # object to goal at the start of a move, so that none starts nearly solved [m]
 DROP_HEIGHT = 0.02  # of the object's lowest point above the floor [m]
 DROP_TIME = 3.0  # a dropped object has come to rest by then, but for what rolls [s]
 STOPS, STOP_TIME = 5, 0.2  # what rolls is stopped so often, and let go for so long [s]
 REST_SPEED = 0.1  # what counts as rest, all six velocities together [m/s, rad/s]
 
-RobotDraw = Callable[[np.random.Generator], tuple[np.ndarray, float]]
-"""rng -> the robot's xy (2,) [m] and yaw [rad]."""
+FloorDraw = Callable[[np.random.Generator], tuple[np.ndarray, float]]
+"""rng -> xy (2,) [m] and yaw [rad]."""
 
 
 @dataclass(frozen=True)
@@ -34,18 +36,29 @@ class Start:
         model: the plant's model of it.
         index: named access to its state.
         stance: (nq_robot,) qpos of the settled robot at the origin, yaw 0.
+        frames: the task's.
+        p: values of the task's parameters.
     """
 
     scene: Scene
     model: mujoco.MjModel
     index: StateIndex
     stance: np.ndarray
+    frames: Mapping[str, FrameRef]
+    p: Parameters
 
     @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """Compile a scene and settle its robot."""
-        model = compile_model(scene, PLANT)
-        return cls(scene, model, StateIndex(model), settled_stand(scene.robot))
+    def of(
+        cls,
+        scene: Scene,
+        frames: Mapping[str, FrameRef] | None = None,
+        parameters: Parameters = NO_PARAMETERS,
+    ) -> Self:
+        """Compile a scene and settle its robot, unless that was done before."""
+        known = _compiled(scene, _stamps(scene))
+        return cls(
+            scene, known.model, StateIndex(known.model), known.stance, frames or {}, parameters
+        )
 
     @property
     def base(self) -> str:
@@ -53,31 +66,166 @@ class Start:
         return self.scene.robot.base
 
     def place(
-        self, robot_xy: np.ndarray, yaw: float, objects: dict[str, tuple[np.ndarray, np.ndarray]]
+        self, robot_xy: np.ndarray, yaw: float, objects: Mapping[str, tuple[np.ndarray, np.ndarray]]
     ) -> np.ndarray:
         """State (nq + nv,) at rest with the robot at xy, yaw and objects at (pos, quat wxyz)."""
         qpos, qvel = self.model.qpos0.copy(), np.zeros(self.model.nv)
         qpos[: len(self.stance)] = self.stance
         pose = self.index.pose(self.base)
         qpos[pose][:2] = robot_xy
-        qpos[pose][3:] = [np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]
+        qpos[pose][3:] = upright(yaw)
         for name, (pos, quat) in objects.items():
             qpos[self.index.pose(name)] = np.concatenate([pos, quat])
         return np.concatenate([qpos, qvel])
 
-    def touching(self, state: np.ndarray, name: str) -> bool:
-        """Whether the robot and the object's subtree are in contact (or overlap) at a state."""
+    def view(self, state: np.ndarray) -> View:
+        """Name the arrays of a state."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:], data.qvel[:] = self.index.unpack(state)
+        mujoco.mj_kinematics(self.model, data)
+        return ViewLayout(self.model, self.frames).at(data, parameters=self.p)
+
+    def touching(self, state: np.ndarray, *names: str) -> bool:
+        """Whether any two of the robot and some objects are in contact (or overlap) at a state."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = state[: self.model.nq]
         mujoco.mj_forward(self.model, data)
         roots = self.model.body_rootid[self.model.geom_bodyid[data.contact.geom]]
-        pair = {self.model.body(self.base).id, self.model.body(name).id}
-        return any(set(row) == pair for row in roots)
+        free = {self.model.body(name).id for name in (self.base, *names)}
+        return any(first != second and {first, second} <= free for first, second in roots.tolist())
+
+    def drop(self, name: str) -> "Drop":
+        """Return what lets an object of the scene fall alone."""
+        return _compiled(self.scene, _stamps(self.scene)).drop(name)
+
+
+class _Compiled:
+    """What is compiled once for all starts of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._drops: dict[str, Drop] = {}
+        self.model = compile_model(scene, PLANT)
+
+    @cached_property
+    def stance(self) -> np.ndarray:
+        return settled_stand(self._scene.robot)
+
+    def drop(self, name: str) -> "Drop":
+        if name not in self._drops:
+            self._drops[name] = Drop(self._scene, name)
+        return self._drops[name]
+
+
+@lru_cache(maxsize=4)
+def _compiled(scene: Scene, _stamps: tuple[int, ...]) -> _Compiled:
+    return _Compiled(scene)
+
+
+def _stamps(scene: Scene) -> tuple[int, ...]:
+    """Times of change [ns] of the scene's files: one that is edited is compiled anew."""
+    files = (ASSETS / thing.mjcf for thing in (scene.robot, *scene.objects, *scene.fixtures))
+    return tuple(Path(file).stat().st_mtime_ns if file.is_file() else 0 for file in files)
+
+
+class Placement(Protocol):
+    """Where one object is at the start of an episode."""
+
+    @property
+    def body(self) -> str:
+        """The object's root body."""
+        ...
+
+    def draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
+        """Position [m], quaternion wxyz and velocity, as in a state, (13,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class OnFloor:
+    """An object stands on the floor.
+
+    Attributes:
+        body: the object's root body.
+        where: draws its place.
+        z: height of its origin [m].
+    """
+
+    body: str
+    where: FloorDraw
+    z: float
+
+    def draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
+        """See `Placement.draw`."""
+        del start
+        xy, yaw = self.where(rng)
+        return np.concatenate([xy, [self.z], upright(yaw), np.zeros(6)])
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """An object lies as it came to rest after a fall in any attitude, the robot taken away.
+
+    Attributes:
+        body: the object's root body.
+        where: draws the place above which it is dropped; its yaw does not count.
+    """
+
+    body: str
+    where: FloorDraw
+
+    def draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
+        """See `Placement.draw`; an object that has found no place to rest still has speed."""
+        quat = rng.normal(size=4)
+        xy, _ = self.where(rng)
+        return start.drop(self.body)(xy, quat / np.linalg.norm(quat))
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Robot and objects at their places, at rest and apart.
+
+    Attributes:
+        robot: draws where the robot stands.
+        objects: where each object is; drawn in this order, after the robot.
+        clearance: between any two of them, centre to centre on the floor [m].
+        solved: what must not hold at the start, such as the task's success.
+    """
+
+    robot: FloorDraw
+    objects: tuple[Placement, ...] = ()
+    clearance: float = 0.0
+    solved: Callable[[View], np.ndarray] | None = None
+
+    def __call__(self, rng: np.random.Generator, start: Start) -> np.ndarray:
+        """Draw until all hold."""
+        return redraw(lambda: self._draw(rng, start), lambda state: self._accept(state, start))
+
+    def _draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
+        robot_xy, yaw = self.robot(rng)
+        drawn = {thing.body: thing.draw(rng, start) for thing in self.objects}
+        poses = {name: (state[:3], state[3:7]) for name, state in drawn.items()}
+        placed = start.place(robot_xy, yaw, poses)
+        for name, state in drawn.items():
+            placed[start.index.velocity(name)] = state[7:]
+        return placed
+
+    def _accept(self, state: np.ndarray, start: Start) -> bool:
+        names = [thing.body for thing in self.objects]
+        moving = (np.linalg.norm(state[start.index.velocity(name)]) for name in names)
+        if any(speed > REST_SPEED for speed in moving):
+            return False
+        places = [state[start.index.pose(body)][:2] for body in (start.base, *names)]
+        if any(np.linalg.norm(a - b) <= self.clearance for a, b in combinations(places, 2)):
+            return False
+        if self.solved is not None and self.solved(start.view(state)).any():
+            return False
+        return not start.touching(state, *names)
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Positions on the floor: a ring around the origin, blurred.
+    """Places on the floor: a ring around the origin, blurred; yaw 0.
 
     Attributes:
         inner, outer: radii [m].
@@ -88,94 +236,35 @@ class Ring:
     outer: float
     spread: float
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw (2,) [m], uniform in angle and radius before the blur."""
+    def __call__(self, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+        """Draw a place, uniform in angle and radius before the blur."""
         angle, radius = rng.uniform(0.0, 2 * np.pi), rng.uniform(self.inner, self.outer)
         xy = radius * np.array([np.cos(angle), np.sin(angle)])
-        return xy + rng.normal(0.0, self.spread, 2)
+        return xy + rng.normal(0.0, self.spread, 2), 0.0
 
 
-@dataclass(frozen=True)
-class MoveReset:
-    """Robot and object stand apart, and the object away from its goal.
+def near(xy: tuple[float, float], position: float, yaw: float) -> FloorDraw:
+    """Draw within a distance of a place on both axes [m], and of facing along x [rad]."""
 
-    Attributes:
-        object: the object's body.
-        goal: its position there [m]; it starts at this height, upright.
-        robot: draws where the robot stands.
-        ring: where the object stands.
-    """
+    def draw(rng: np.random.Generator) -> tuple[np.ndarray, float]:
+        turn = float(rng.uniform(-yaw, yaw))
+        return np.array(xy) + rng.uniform(-position, position, 2), turn
 
-    object: str
-    goal: tuple[float, float, float]
-    robot: RobotDraw
-    ring: Ring
-
-    def __call__(self, rng: np.random.Generator, start: Start) -> np.ndarray:
-        """Draw until robot and object stand clear of each other and the task is not yet solved."""
-        return redraw(lambda: self._draw(rng, start), lambda state: self._accept(state, start))
-
-    def _draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
-        robot_xy, yaw = self.robot(rng)
-        pos = np.array([*self.ring.draw(rng), self.goal[2]])
-        return start.place(robot_xy, yaw, {self.object: (pos, np.array([1.0, 0.0, 0.0, 0.0]))})
-
-    def _accept(self, state: np.ndarray, start: Start) -> bool:
-        base, thing = (state[start.index.pose(b)][:2] for b in (start.base, self.object))
-        apart = np.linalg.norm(base - thing) > CLEARANCE
-        unsolved = np.linalg.norm(thing - self.goal[:2]) > AWAY
-        return bool(apart and unsolved) and not start.touching(state, self.object)
+    return draw
 
 
-@dataclass(frozen=True)
-class UprightReset:
-    """The object lies as it came to rest after a fall in any attitude, the robot stands clear.
-
-    Attributes:
-        object: the object's body.
-        frames: that the success test sees.
-        success: the task's; an object that rights itself in its fall is dropped anew.
-        robot: draws where the robot stands.
-        ring: above where the object is dropped.
-    """
-
-    object: str
-    frames: Mapping[str, FrameRef]
-    success: Callable[[View], np.ndarray]
-    robot: RobotDraw
-    ring: Ring
-
-    def __call__(self, rng: np.random.Generator, start: Start) -> np.ndarray:
-        """Drop until the object rests, not upright, and not where the robot stands."""
-        alone = Drop(start.scene, self.object)
-        return redraw(
-            lambda: self._draw(rng, start, alone), lambda state: self._accept(state, start)
-        )
-
-    def _draw(self, rng: np.random.Generator, start: Start, alone: "Drop") -> np.ndarray:
-        robot_xy, yaw = self.robot(rng)
-        quat = rng.normal(size=4)
-        pose, velocity = alone(self.ring.draw(rng), quat / np.linalg.norm(quat))
-        state = start.place(robot_xy, yaw, {self.object: (pose[:3], pose[3:])})
-        state[start.index.velocity(self.object)] = velocity
-        return state
-
-    def _accept(self, state: np.ndarray, start: Start) -> bool:
-        if np.linalg.norm(state[start.index.velocity(self.object)]) > REST_SPEED:
-            return False
-        data = mujoco.MjData(start.model)
-        data.qpos[:], data.qvel[:] = start.index.unpack(state)
-        mujoco.mj_kinematics(start.model, data)
-        view = ViewLayout(start.model, self.frames).at(data)
-        return not self.success(view).any() and not start.touching(state, self.object)
+def upright(yaw: float) -> np.ndarray:
+    """Quaternion wxyz (4,) of a turn about the vertical [rad]."""
+    return np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
 
 
 class Drop:
-    """Lets one object of a scene fall to the floor, the robot taken away."""
+    """Lets one object of a scene fall to the floor, the robot and all other objects taken away."""
 
     def __init__(self, scene: Scene, name: str) -> None:
-        """Compile the scene without its robot."""
-        spec = build_spec(scene, PLANT)
+        """Compile the scene with nothing but the object and the fixtures."""
+        alone = replace(scene, objects=tuple(o for o in scene.objects if o.name == name))
+        spec = build_spec(alone, PLANT)
         spec.delete(spec.body(scene.robot.base))
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
@@ -183,13 +272,8 @@ class Drop:
         index = StateIndex(self._model)
         self._pose, self._velocity = index.pose(name), index.velocity(name)
 
-    def __call__(self, xy: np.ndarray, quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Drop it above xy (2,) [m] in attitude quat (4,).
-
-        Returns:
-            The pose (7,) and velocity (6,) it ends with, laid out as in a state; an object that
-            has found no place to rest still has speed.
-        """
+    def __call__(self, xy: np.ndarray, quat: np.ndarray) -> np.ndarray:
+        """Drop it above xy (2,) [m] in attitude quat (4,); return how it ends, see `Placement`."""
         mujoco.mj_resetData(self._model, self._data)
         pose = self._data.qpos[self._pose]
         pose[:] = [*xy, 0.0, *quat]
@@ -199,7 +283,7 @@ class Drop:
             self._data.qvel[:] = 0.0
             self._wait(STOP_TIME)
         state = np.concatenate([self._data.qpos, self._data.qvel])
-        return state[self._pose], state[self._velocity]
+        return np.concatenate([state[self._pose], state[self._velocity]])
 
     def _wait(self, seconds: float) -> None:
         mujoco.mj_step(self._model, self._data, round(seconds / self._model.opt.timestep))

@@ -2,19 +2,35 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 
+from sumo_dist.costs.parameters import Parameter, Parameters
+from sumo_dist.costs.table import CostTable
 from sumo_dist.costs.terms import CostTerm
-from sumo_dist.costs.view import View
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.tasks.reset import Start
+from sumo_dist.tasks.terms import Predicate
 
-Predicate = Callable[[View], np.ndarray]
-"""View -> (B, T) bool."""
+ControllerName = Literal["policy", "joint-targets"]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where a frame should come to rest: at the task's parameter `goal` (x, y).
+
+    Attributes:
+        frame: of the task.
+        z: height [m].
+    """
+
+    frame: str
+    z: float
 
 
 @dataclass(frozen=True)
@@ -25,16 +41,23 @@ class Task:
         name: "<robot>/<task>".
         scene: the robot, the objects and the floor.
         actions: what the planner searches over, and g(a).
-        frames: the named frames that cost and success functions see; "base" is the robot's.
+        frames: the named frames that residuals and success tests see; "base" is the robot's, and
+            is there without being named.
         cost: the table of terms.
         reset: draws a start; see tasks.reset.
         success: when the task is solved.
-        goal: where the object should come to rest, world [m], drawn by the viewer; None: anywhere.
+        parameters: numbers that residuals, reset and success read as `r.p.name`.
+        goal: where something should come to rest, drawn by the viewer: `Goal`, or a fixed place in
+            the world [m] for what the task moves; None: anywhere.
         failure: what an episode that runs out of time may be put down to, the first that holds.
             It does not end the episode: what tips may be set up again.
         success_hold: how long success must hold without a break [s].
         time_limit: robot time after which the episode ends [s].
-        trails: frames whose paths are traced in rollouts.
+        trails: frames whose paths are traced in rollouts; by default the gripper, if the task
+            names one, and what it moves.
+        controller: what turns commands into joint targets inside rollouts and on the robot:
+            "policy", the robot's low-level policy, or "joint-targets", none: the action space's
+            commands are joint targets that the servos hold.
         source: what `load_task` finds the task by: its name, or the absolute path of its file.
     """
 
@@ -45,21 +68,77 @@ class Task:
     cost: tuple[CostTerm, ...]
     reset: Callable[[np.random.Generator, Start], np.ndarray]
     success: Predicate
-    goal: tuple[float, float, float] | None = None
+    parameters: tuple[Parameter, ...] = ()
+    goal: Goal | tuple[float, float, float] | None = None
     failure: Mapping[str, Predicate] = field(default_factory=dict)
     success_hold: float = 0.0
     time_limit: float = 30.0
-    trails: tuple[str, ...] = ("gripper", "object")
+    trails: tuple[str, ...] = ()
+    controller: ControllerName = "policy"
     source: str = ""
 
     def __post_init__(self) -> None:
         names = [term.name for term in self.cost]
         if not names or len(set(names)) != len(names):
             raise UsageError(f"task {self.name!r}: cost terms need distinct names, got {names}")
-        if missing := {"base", *self.trails} - set(self.frames):
+        base = FrameRef("body", self.scene.robot.base)
+        object.__setattr__(self, "frames", {"base": base, **self.frames})
+        if not self.trails:
+            gripper = ("gripper",) if "gripper" in self.frames else ()
+            object.__setattr__(self, "trails", (*gripper, *self.movers) or ("base",))
+        if missing := {*self.trails} - set(self.frames):
             raise UsageError(f"task {self.name!r}: frames lack {sorted(missing)}")
+        if self.controller not in get_args(ControllerName):
+            raise unknown("controller", self.controller, get_args(ControllerName))
+        self._check_goal()
+
+    def _check_goal(self) -> None:
+        if isinstance(self.goal, Goal):
+            if self.goal.frame not in self.frames:
+                raise unknown("frame of the goal", self.goal.frame, self.frames)
+            if "goal" not in self.table.parameters or self.table.parameters["goal"].size != 2:
+                raise UsageError(f"task {self.name!r}: its Goal needs a parameter `goal` of (x, y)")
+        elif self.goal is not None and np.shape(self.goal) != (3,):
+            raise UsageError(f"task {self.name!r}: goal must be (x, y, z), got {self.goal}")
+
+    @cached_property
+    def table(self) -> CostTable:
+        """Weights and parameters: names, defaults and what they may be."""
+        return CostTable(self.cost, self.parameters)
+
+    @cached_property
+    def movers(self) -> tuple[str, ...]:
+        """The frames of the scene's objects: of each, the first that is its root body."""
+        roots = {FrameRef("body", thing.name): "" for thing in self.scene.objects}
+        for name, ref in self.frames.items():
+            if roots.get(ref) == "":
+                roots[ref] = name
+        return tuple(filter(None, roots.values()))
+
+    @property
+    def goal_frame(self) -> str:
+        """The frame that should come to the goal, if there is one."""
+        if isinstance(self.goal, Goal):
+            return self.goal.frame
+        return next(iter(self.movers), "base")
+
+    def goal_position(self, p: Parameters) -> np.ndarray | None:
+        """Where the goal is, (3,) world [m]; None if there is none."""
+        if isinstance(self.goal, Goal):
+            return np.array([*np.atleast_1d(p.goal), self.goal.z])
+        return None if self.goal is None else np.array(self.goal)
 
     def __str__(self) -> str:
-        """Return the task's cost table."""
+        """Return the task's terms and parameters."""
         rows = [f"{term.name:<14}{term.weight:>10g}  {term.reduction}" for term in self.cost]
-        return "\n".join([self.name, f"{'cost term':<14}{'weight':>10}  over the rollout", *rows])
+        lines = [self.name, f"{'cost term':<14}{'weight':>10}  over the rollout", *rows]
+        if self.parameters:
+            lines.append(f"{'parameter':<16}{'default':>14}  from, to")
+            lines += [_line(parameter) for parameter in self.parameters]
+        return "\n".join(lines)
+
+
+def _line(parameter: Parameter) -> str:
+    default = ",".join(f"{x:g}" for x in parameter.checked(parameter.default))
+    low, high = parameter.range
+    return f"{parameter.name:<16}{default:>14}  {low:g}, {high:g} {parameter.unit}".rstrip()

@@ -58,9 +58,9 @@ def test_an_unknown_priority_is_refused(monkeypatch):
 
 
 def test_a_worker_gives_way_within_its_session_and_among_sessions():
-    code = "priority.give_way(); print(os.nice(0)); print(priority.AUTOGROUP.read_text())"
+    code = "priority.lower_priority(); print(os.nice(0)); print(priority.AUTOGROUP.read_text())"
     if not priority.AUTOGROUP.exists():
-        code = "priority.give_way(); print(os.nice(0))"
+        code = "priority.lower_priority(); print(os.nice(0))"
     niceness, *group = in_a_process(code)
     assert int(niceness) == min(19, os.nice(0) + priority.NICENESS)
     assert not group or group[-1] == str(priority.NICENESS)
@@ -80,7 +80,7 @@ def test_workers_that_start_at_once_wait_for_their_turn(monkeypatch):
     monkeypatch.setattr(priority, "AUTOGROUP", group)
     monkeypatch.setattr(os, "nice", lambda _: 0)
     monkeypatch.setattr(os, "getsid", lambda _: os.getpid())
-    priority.give_way()
+    priority.lower_priority()
     assert group.written == str(priority.NICENESS)
 
 
@@ -88,7 +88,7 @@ def test_a_worker_of_a_terminal_leaves_the_others_there_alone(monkeypatch, tmp_p
     monkeypatch.setattr(priority, "AUTOGROUP", tmp_path / "autogroup")
     monkeypatch.setattr(os, "nice", lambda _: 0)
     monkeypatch.setattr(os, "getsid", lambda _: os.getpid() + 1)
-    priority.give_way()
+    priority.lower_priority()
     assert not (tmp_path / "autogroup").exists()
 
 

@@ -149,7 +149,7 @@ def zenoh() -> Finding:
 
     from sumo_dist.launch.launcher import listening
     from sumo_dist.wire.bus import Bus
-    from sumo_dist.wire.messages import RunEnd, State
+    from sumo_dist.wire.messages import EpisodeEnd, State
     from sumo_dist.wire.session import open_router
 
     endpoint, run = listening("tcp/127.0.0.1:0"), "doctor"
@@ -158,8 +158,10 @@ def zenoh() -> Finding:
         Bus.dial(endpoint, "doctor", run=run) as here,
         Bus.dial(endpoint, "doctor", run=run) as there,
     ):
-        answers = here.inbox(RunEnd)
-        there.subscribe(State, lambda s: there.publish(RunEnd(run, s.tick, "pong", success=True)))
+        answers = here.inbox(EpisodeEnd)
+        there.subscribe(
+            State, lambda s: there.publish(EpisodeEnd(run, s.tick, "pong", success=True, last=True))
+        )
         took = []
         for tick in range(PINGS):
             began = time.perf_counter()
@@ -251,11 +253,12 @@ def planning() -> Finding:
     from sumo_dist.policies.fetch import cache_dir
     from sumo_dist.policies.manifest import pinned_policy
     from sumo_dist.provenance import cores as count
+    from sumo_dist.timing import PLAN_PERIOD
 
     if not (cache_dir() / pinned_policy("spot").file_name).exists():
         return Finding("warn", "not timed: the policy is not in the cache yet")
     plan_ms = statistics.median(plan_times(count()))
-    factor = min(1.0, PLAN_PERIOD_MS / plan_ms)
+    factor = min(1.0, PLAN_PERIOD * 1e3 / plan_ms)
     text = f"plans take about {plan_ms:.0f} ms with {count()} threads: realtime factor {factor:.2f}"
     return Finding("ok" if factor == 1.0 else "warn", text)
 

@@ -31,6 +31,7 @@ def main(options: Options) -> int:
                     "robot": task.scene.robot.name,
                     "time_limit_s": task.time_limit,
                     "cost": {term.name: term.weight for term in task.cost},
+                    "parameters": {p.name: asdict(p) for p in task.parameters},
                 }
                 for task in tasks
             },

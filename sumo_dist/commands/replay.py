@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
 
+from sumo_dist.episode.single import repeat
 from sumo_dist.errors import UsageError
 from sumo_dist.record.recording import Recording
 
@@ -18,16 +20,21 @@ class Options:
         run: folder that a run was written to.
         viewer: show it in Rerun: native or web.
         render: write a film to this file instead, .mp4 or .gif, or a strip of pictures, .jpg.
+        repeat: run it again in this process, with the commands that it was given, and say whether
+            plans and states are the same to the last bit.
     """
 
     run: Annotated[Path, tyro.conf.Positional]
     viewer: str = "web"
     render: Path | None = None
+    repeat: bool = False
 
 
 def main(options: Options) -> int:
-    """Show or render."""
+    """Show, render or repeat."""
     recording = Recording.load(options.run / "run.npz")
+    if options.repeat:
+        return _repeat(recording)
     from sumo_dist.view import replay  # needs the view extra
 
     if options.render is not None:
@@ -41,3 +48,28 @@ def main(options: Options) -> int:
     else:
         replay.show(recording, options.viewer)
     return 0
+
+
+def _repeat(recording: Recording) -> int:
+    """Return 0 if the recording repeats to the last bit, 1 if not."""
+    again = repeat(recording)
+    plans, states = len(recording.plan_numbers), len(recording.states)
+    same = (again.plan_digest, again.state_digest) == (
+        recording.plan_digest,
+        recording.state_digest,
+    )
+    if same:
+        print(f"{plans} plans and {states} states repeat to the last bit")
+        return 0
+    print(f"{plans} plans and {states} states do not repeat: {_first_difference(recording, again)}")
+    return 1
+
+
+def _first_difference(one: Recording, other: Recording) -> str:
+    """Say where two recordings part."""
+    for tick, (before, now) in enumerate(zip(one.states, other.states, strict=False)):
+        if not np.array_equal(before, now):
+            return f"the states differ from tick {tick} on"
+    if len(one.states) != len(other.states):
+        return f"there are {len(other.states)} states"
+    return "the states are the same, the plans are not"

@@ -1,6 +1,5 @@
 """`sumo-dist run`: one task, in this process or by services over Zenoh."""
 
-import os
 import sys
 import time
 from dataclasses import dataclass
@@ -16,10 +15,11 @@ from sumo_dist.episode.summary import keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.provenance import cores
 from sumo_dist.tasks import load_task
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 VIEWERS = ("web", "native", "none")
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,14 @@ class Options:
         viewer: web, native or none.
         out: folder for summary.json, run.npz and run.rrd.
         set: planner settings as key=value; `sumo-dist list` names all.
+        weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list` names all.
+        param: the task's parameters as name=number or name=number,number, such as goal=1,0.
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
         wait: how long the robot waits for an answer before the run ends [s].
         resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
             before the run ends [s].
+        stay: when an episode has ended, wait for `sumo-dist ctl reset` or `ctl task` until Ctrl-C.
     """
 
     task: Annotated[str, tyro.conf.Positional]
@@ -64,10 +67,13 @@ class Options:
     viewer: str = "web"
     out: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
-    listen: str = DEFAULT_LISTEN
+    listen: str = DEFAULT_ENDPOINT
     wait: float = 60.0
     resume_wait: float = 0.0
+    stay: bool = False
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
@@ -76,6 +82,8 @@ class Options:
             *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
             engine=self.engine,
             plant=self.plant,
+            weight=self.weight,
+            param=self.param,
         )
 
     def folder(self) -> Path:
@@ -86,13 +94,10 @@ class Options:
 
 def main(options: Options) -> int:
     """Run, print the one line, return the exit code."""
-    cores = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
-    workers = cores if options.workers is None else options.workers
+    workers = cores() if options.workers is None else options.workers
     if not 0 <= workers <= 256:
         raise UsageError(f"workers must be from 0 to 256, got {workers}")
-    threads = (1 if workers else cores) if options.threads is None else options.threads
+    threads = (1 if workers else cores()) if options.threads is None else options.threads
     if not 1 <= threads <= 256:
         raise UsageError(f"threads must be from 1 to 256, got {threads}")
     if options.viewer not in VIEWERS:
@@ -103,21 +108,30 @@ def main(options: Options) -> int:
     if workers == 0:
         code = _single(episode, threads, out)
     else:
-        from sumo_dist.launch.deployment import Crew, run_distributed
+        from sumo_dist.launch.deployment import Deployment, run_distributed
 
         viewer = options.viewer if _has_view() else None
-        crew = Crew(
-            *(episode, workers, threads, out, viewer, _speed(options), options.wait),
-            resume_wait=options.resume_wait,
+        deployment = Deployment(
+            episode,
+            workers,
+            threads,
+            out,
+            viewer,
+            _speed(options),
+            options.wait,
+            options.resume_wait,
+            options.stay,
         )
-        code = run_distributed(crew, options.listen)
+        code = run_distributed(deployment, options.listen)
     print(f"{one_line(read_summary(out))}; in {out}")
     return code
 
 
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
-    problem = Problem.build(load_task(episode.task), planning_options(episode.planner))
+    task = load_task(episode.task)
+    episode.cost(task)
+    problem = Problem.build(task, planning_options(episode.planner))
     problem.engine(1, episode.engine).close()
 
 

@@ -12,21 +12,20 @@ import numpy as np
 import tyro
 
 from sumo_dist.commands.doctor import Finding, examine
-from sumo_dist.costs.terms import INDICATORS, evaluate
+from sumo_dist.costs.terms import INDICATORS
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.episode.assemble import draw_start
 from sumo_dist.errors import UsageError
-from sumo_dist.math import splines
 from sumo_dist.math.rotations import from_rotation_vector, multiply
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.model.settle import height_above_floor
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import TICK
 
 # The task of the same robot whose planning time is 1.
 REFERENCES = {"spot": "spot/move_box", "g1": "g1/box_push"}
@@ -105,29 +104,24 @@ class Subject:
         """(seeds, NUDGES * PLANS, n_terms) weighted costs of random plans, objects nudged."""
         rng = np.random.default_rng(0)
         with self.problem.engine(1) as engine:
+            evaluator = self.evaluator(engine)
             rows = [
-                self.costs(self.played(engine, self.nudged(start, rng), self.knots(PLANS, rng)))
+                self.costs(evaluator, self.nudged(start, rng), self.knots(PLANS, rng))
                 for start in self.starts
                 for _ in range(NUDGES)
             ]
         return np.reshape(rows, (self.seeds, NUDGES * PLANS, -1))
 
-    def played(
-        self, engine: Engine, state: np.ndarray, knots: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
-        """Roll out knots (B, K, n): states, positions, rotations and actions, each (B, T, ...)."""
-        config, actions = self.config, self.task.actions
-        times = np.arange(config.steps) * TICK
-        weights = splines.weights(config.spline, config.nodes, config.horizon, times)
-        physical = actions.physical(splines.evaluate(weights, knots))
-        memory = self.problem.policy.initial_memory()
-        rollouts = engine.rollout(state, memory, actions.to_command(physical))
-        return rollouts.states, rollouts.positions, rollouts.rotations, physical
+    def evaluator(self, engine: Engine) -> Evaluator:
+        """Return what rolls out and costs plans on an engine."""
+        return Evaluator(self.problem, engine, self.config)
 
-    def costs(self, played: tuple[np.ndarray, ...]) -> np.ndarray:
-        """(B, n_terms) weighted costs of rollouts, as `played` returns them."""
+    def costs(self, evaluator: Evaluator, state: np.ndarray, knots: np.ndarray) -> np.ndarray:
+        """(B, n_terms) weighted costs of knots (B, K, n) from a state."""
+        memory, cost = self.problem.policy.initial_memory(), self.task.table.defaults
+        rollouts, physical = evaluator.roll_out(state, memory, knots)
         with np.errstate(all="ignore"):
-            return evaluate(self.task.cost, self.problem.layout.view(*played))
+            return cost.weights * evaluator.terms(rollouts, physical, cost.parameters)
 
     def nudged(self, start: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return a start with every object tilted and in motion, as high above the floor as it was.
@@ -155,7 +149,9 @@ class Subject:
     def view(self, state: np.ndarray) -> View:
         """Name the arrays of one state."""
         layout = ViewLayout(self.plant, self.task.frames)
-        return layout.at(self.simulation(state), len(self.task.actions.names))
+        table = self.task.table
+        parameters = table.named(table.defaults.parameters)
+        return layout.at(self.simulation(state), len(self.task.actions.names), parameters)
 
     def simulation(self, state: np.ndarray) -> mujoco.MjData:
         """Return the plant at a state, contacts included."""
@@ -293,17 +289,19 @@ def split(subject: Subject) -> Finding:
         (subject.nudged(subject.starts[0], rng), subject.knots(PLANS, rng)) for _ in range(NUDGES)
     ]
     with subject.problem.engine(1) as one, subject.problem.engine(2) as two:
-        whole = [subject.played(one, state, knots) for state, knots in jobs]
-        parts = [
-            subject.played(two, state, rows)
+        whole, parts = subject.evaluator(one), subject.evaluator(two)
+        together = np.concatenate([subject.costs(whole, *job) for job in jobs])
+        pieces = [
+            subject.costs(parts, state, rows)
             for state, knots in jobs
             for rows in np.split(knots, [1, 3])
         ]
-    together = subject.costs(tuple(map(np.concatenate, zip(*whole, strict=True))))
-    apart = np.concatenate([subject.costs(part) for part in parts])
+    apart = np.concatenate(pieces)
     same = (together == apart).all(axis=0)
     differing = [t.name for t, equal in zip(subject.task.cost, same, strict=True) if not equal]
-    text = f"{len(apart)} rollouts together, and in {len(parts)} parts on another number of threads"
+    text = (
+        f"{len(apart)} rollouts together, and in {len(pieces)} parts on another number of threads"
+    )
     reason = f"{', '.join(differing)} depends on the other rows: avoid batched matrix products"
     return _verdict(not differing, text, reason)
 
@@ -314,11 +312,14 @@ def speed(subject: Subject) -> Finding:
     pair = subject, Subject(load_task(reference), subject.seeds)
     times: tuple[list[float], list[float]] = [], []
     with pair[0].problem.engine(1) as ours, pair[1].problem.engine(1) as theirs:
+        evaluators = [
+            one.evaluator(engine) for one, engine in zip(pair, (ours, theirs), strict=True)
+        ]
         for turn in range(ROUNDS):
-            for one, engine, spent in zip(pair, (ours, theirs), times, strict=True):
+            for one, evaluator, spent in zip(pair, evaluators, times, strict=True):
                 knots = one.knots(one.config.rollouts, np.random.default_rng(turn))
                 began = time.process_time()
-                one.costs(one.played(engine, one.starts[turn % one.seeds], knots))
+                one.costs(evaluator, one.starts[turn % one.seeds], knots)
                 spent.append(time.process_time() - began)
     ratio = statistics.median(times[0]) / statistics.median(times[1])
     text = f"a planning iteration takes {ratio:.2f} times that of {reference}"

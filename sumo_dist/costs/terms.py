@@ -6,10 +6,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from sumo_dist.costs.view import Frame, View
+from sumo_dist.costs.view import View
 from sumo_dist.errors import UsageError, unknown
-
-FALL_TILT = np.cos(np.pi / 3)  # z of the base's up axis: below it the robot lies on its side
 
 Reduction = Literal["mean", "squared_mean", "any", "share"]
 INDICATORS = ("any", "share")  # reductions of functions that are true or false
@@ -17,19 +15,19 @@ INDICATORS = ("any", "share")  # reductions of functions that are true or false
 
 @dataclass(frozen=True)
 class CostTerm:
-    """weight * reduction over steps of function(view).
+    """weight * reduction over steps of residual(view).
 
     Attributes:
         name: shown in plots and tables.
-        function: View -> (B, T).
-        weight: negative for a reward.
+        residual: View -> (B, T).
+        weight: unless a question says otherwise; negative for a reward.
         reduction: "mean" over the T steps; "squared_mean", the square of that mean; "any", an
             indicator that counts once, unscaled, however long it holds; "share", an indicator that
             counts by the share of the steps at which it holds.
     """
 
     name: str
-    function: Callable[[View], np.ndarray]
+    residual: Callable[[View], np.ndarray]
     weight: float
     reduction: Reduction = "mean"
 
@@ -38,18 +36,18 @@ class CostTerm:
             raise unknown("reduction", self.reduction, get_args(Reduction))
 
     def evaluate(self, view: View) -> np.ndarray:
-        """Return the weighted cost of each rollout, (B,)."""
-        values = np.asarray(self.function(view))
+        """Return the reduced residual of each rollout, unweighted, (B,)."""
+        values = np.asarray(self.residual(view))
         if values.shape != view.actions.shape[:2]:
             raise UsageError(
                 f"cost term {self.name!r} returned shape {values.shape}, "
                 f"must be (rollouts, steps) = {view.actions.shape[:2]}"
             )
-        return self.weight * _reduce(values, self.reduction)
+        return _reduce(values, self.reduction)
 
 
 def evaluate(terms: tuple[CostTerm, ...], view: View) -> np.ndarray:
-    """Weighted cost of every term for every rollout, (B, n_terms)."""
+    """Reduced residual of every term for every rollout, unweighted, (B, n_terms)."""
     return np.stack([term.evaluate(view) for term in terms], axis=1)
 
 
@@ -59,16 +57,6 @@ def norm(vectors: np.ndarray) -> np.ndarray:
     for i in range(1, vectors.shape[-1]):
         total = total + vectors[..., i] * vectors[..., i]
     return np.sqrt(total)
-
-
-def fallen(base: Frame, fall_height: float) -> np.ndarray:
-    """Whether a robot lies, (B, T): below its fall height [m] on its side, or far below it.
-
-    Lifting a heavy thing, it crouches below the height, level and for seconds.
-    """
-    height = base.pos[..., 2]
-    on_its_side = base.z[..., 2] < FALL_TILT
-    return (height <= fall_height / 2) | ((height <= fall_height) & on_its_side)
 
 
 def _reduce(values: np.ndarray, reduction: Reduction) -> np.ndarray:

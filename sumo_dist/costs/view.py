@@ -1,11 +1,12 @@
 """Named arrays for cost functions: `r.object.pos` instead of index arithmetic."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
@@ -61,13 +62,70 @@ class Frame:
         return self.velocity
 
 
-class View:
-    """What a cost or success function sees; frames are attributes (`r.gripper`, `r.object`)."""
+@dataclass(frozen=True)
+class Joint:
+    """One hinge or slide over B rollouts and T steps.
 
-    def __init__(self, frames: Mapping[str, Frame], actions: np.ndarray) -> None:
-        """Hold frames by name and the physical actions (B, T, nu)."""
+    Attributes:
+        pos: (B, T) [rad] or [m].
+        vel: (B, T) [rad/s] or [m/s].
+    """
+
+    pos: np.ndarray
+    vel: np.ndarray
+
+
+class Joints(Mapping[str, Joint]):
+    """The joints of all bodies of a scene, by the names of its model."""
+
+    def __init__(self, states: np.ndarray, columns: Mapping[str, tuple[int, int]]) -> None:
+        """Hold states (B, T, nq + nv), and where in them each joint's two numbers are."""
+        self._states, self._columns = states, columns
+
+    def __getitem__(self, name: str) -> Joint:
+        """Return a joint, or say which there are."""
+        if name not in self._columns:
+            raise unknown("joint", name, self._columns)
+        pos, vel = self._columns[name]
+        return Joint(self._states[..., pos], self._states[..., vel])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+
+NO_JOINTS: Mapping[str, Joint] = {}
+
+
+class View:
+    """What residuals and success tests see.
+
+    Frames are attributes (`r.gripper`, `r.object`) or looked up (`r["object"]`).
+
+    Attributes:
+        actions: (B, T, nu) physical actions.
+        p: the task's parameters (`r.p.goal`).
+        joints: hinges and slides by name (`r.joints["door/hinge"].pos`).
+    """
+
+    def __init__(
+        self,
+        frames: Mapping[str, Frame],
+        actions: np.ndarray,
+        parameters: Parameters = NO_PARAMETERS,
+        joints: Mapping[str, Joint] = NO_JOINTS,
+    ) -> None:
+        """Hold frames by name, actions, parameters and joints."""
         self._frames = frames
         self.actions = actions
+        self.p = parameters
+        self.joints = joints
+
+    def __getitem__(self, name: str) -> Frame:
+        """Return the frame of that name, or say which names there are."""
+        return getattr(self, name)
 
     def __getattr__(self, name: str) -> Frame:
         """Return the frame of that name, or say which names there are."""
@@ -86,6 +144,7 @@ class ViewLayout:
         self.names = tuple(frames)
         self.refs = tuple(frames.values())
         index = StateIndex(model)
+        self._joints = index.columns
         self._velocity = {
             name: index.velocity(ref.name)
             for name, ref in frames.items()
@@ -93,16 +152,21 @@ class ViewLayout:
         }
 
     def view(
-        self, states: np.ndarray, positions: np.ndarray, rotations: np.ndarray, actions: np.ndarray
+        self,
+        states: np.ndarray,
+        positions: np.ndarray,
+        rotations: np.ndarray,
+        actions: np.ndarray,
+        parameters: Parameters = NO_PARAMETERS,
     ) -> View:
         """Name the arrays of B rollouts: see rollout.interface.Rollouts for the shapes."""
         frames = {}
         for i, name in enumerate(self.names):
             velocity = states[..., self._velocity[name]] if name in self._velocity else None
             frames[name] = Frame(name, positions[:, :, i], rotations[:, :, i], velocity)
-        return View(frames, actions)
+        return View(frames, actions, parameters, Joints(states, self._joints))
 
-    def at(self, data: mujoco.MjData, nu: int = 0) -> View:
+    def at(self, data: mujoco.MjData, nu: int = 0, parameters: Parameters = NO_PARAMETERS) -> View:
         """Name the arrays of a simulation's present: one rollout of one step, all nu actions 0.
 
         The simulation's kinematics must be up to date.
@@ -115,4 +179,5 @@ class ViewLayout:
             np.array([frame.xpos for frame in frames])[None, None],
             np.array([frame.xmat for frame in frames]).reshape(1, 1, -1, 3, 3),
             np.zeros((1, 1, nu)),
+            parameters,
         )

@@ -1,21 +1,25 @@
-"""The robot's side of the bus: readings and status out, states and plans in."""
+"""The robot's side of the bus: the episode, readings and questions out, states and plans in."""
 
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Literal, TypeVar
 
 import numpy as np
 
+from sumo_dist.dispatch.operator import BusOperator
+from sumo_dist.episode.assemble import Episode
+from sumo_dist.episode.follow import misfit
 from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.estimate.readings import Readings
-from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
-from sumo_dist.wire.messages import Order, PlanMessage, Sensors, State, Status
+from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, Question, Sensors, State
 
 Clock = Literal["lockstep", "realtime", "calibrate"]
 
@@ -26,43 +30,63 @@ T = TypeVar("T")
 
 
 class RobotLink:
-    """Asks for states and plans. What is asked again gets the same answer (lockstep)."""
+    """Asks for states and plans. What is asked again gets the same answer (lockstep).
+
+    Attributes:
+        operator: gives commands.
+        refused: states and plans that do not fit the robot, dropped so far.
+    """
 
     def __init__(
         self,
         bus: Bus,
-        run: str,
         wait: float,
         stop: threading.Event,
         tell: Tell,
         on_plan: Callable[[PlanReport], None],
-        refuse: Callable[[Plan], str] = lambda _plan: "",
-        state_size: int | None = None,
     ) -> None:
         """Subscribe.
 
         Args:
-            bus: the robot's.
-            run: its run.
+            bus: the robot's; its run is that of the episode.
             wait: how long a question waits for its answer [s].
             stop: ends the waiting.
             tell: speaks to people.
             on_plan: sees all plans that are taken.
-            refuse: says why a plan cannot be followed, "" if it can; such a plan is dropped.
-            state_size: nq + nv; a state of another size is dropped.
         """
-        self._on_report, self._refuse = on_plan, refuse
-        self._state_size, self._tick = state_size, 0
-        self.refused = 0  # plans and states dropped
-        self._ordered_stop = ""
-        self._ordered_resume = False
-        self._bus, self._run, self._wait, self._stop, self._tell = bus, run, wait, stop, tell
+        self._bus, self._wait, self._stop, self._tell = bus, wait, stop, tell
+        self._on_report = on_plan
         self._arrived = threading.Condition()
-        self._state: State | None = None
-        self._plans: dict[int, PlanReport] = {}
+        self.refused = 0
+        self._begin(None, None)
+        self.operator = BusOperator(bus, stop, self._wake)
         bus.subscribe(State, self._on_state)
         bus.subscribe(PlanMessage, self._on_plan)
-        bus.subscribe(Order, self._on_order)
+        bus.watch(on_change=lambda _member, alive: self.announce() if alive else None)
+
+    def enter(self, episode: Episode, info: EpisodeInfo) -> None:
+        """Take up an episode: from now on all that is said is of it, and others are told."""
+        self._begin(episode, info)
+        self._bus.run = info.run
+        self.announce()
+
+    def _begin(self, episode: Episode | None, info: EpisodeInfo | None) -> None:
+        with self._arrived:
+            self._episode, self._info = episode, info
+            self._tick = 0
+            self._state: State | None = None
+            self._plans: dict[int, PlanReport] = {}
+
+    def announce(self) -> None:
+        """Say which episode it is."""
+        if self._info is not None:
+            self._bus.publish(self._info)
+
+    def end(self, tick: int, reason: str, success: bool, last: bool) -> None:
+        """Say that the episode is over; messages may be dropped, and nobody answers this one."""
+        for _ in range(3):
+            self._bus.publish(EpisodeEnd(self._bus.run or "", tick, reason, success, last))
+            time.sleep(0.02)
 
     def ask_state(self, readings: Readings) -> np.ndarray:
         """Return the estimated state (nq + nv,) of a tick (lockstep)."""
@@ -74,41 +98,40 @@ class RobotLink:
         return self._ask(lambda: self.send_readings(readings), answer, "a state")
 
     def ask_plan(
-        self, readings: Readings, request: PlanRequest, clock: Clock = "lockstep"
+        self, request: PlanRequest, planner: PlannerConfig, clock: Clock = "lockstep"
     ) -> PlanReport:
-        """Return the plan of a state.
-
-        Asked again, the readings go along: the optimizer may have missed the state.
-        """
-        state_is_out = self._state is not None and self._state.tick == request.tick
-
-        def publish() -> None:
-            nonlocal state_is_out
-            if not state_is_out:
-                self.send_readings(readings)
-            state_is_out = False
-            self.send_status(
-                request.tick, request.memory, request.previous, clock, wanted=request.number
-            )
-
-        return self._ask(publish, lambda: self._plans.get(request.number), "a plan")
+        """Return the plan of a state."""
+        question = self._question(request, planner, clock, 1.0)
+        return self._ask(
+            lambda: self._bus.publish(question), lambda: self._plans.get(request.number), "a plan"
+        )
 
     def send_readings(self, readings: Readings) -> None:
         """Publish what the sensors saw."""
         self._tick = readings.tick
-        self._bus.publish(Sensors(self._run, **vars(readings)))
+        self._bus.publish(Sensors(self._bus.run or "", **vars(readings)))
 
-    def send_status(
-        self,
-        tick: int,
-        memory: np.ndarray,
-        followed: Plan | None,
-        clock: Clock,
-        wanted: int = -1,
-        speed: float = 1.0,
-    ) -> None:
-        """Publish where the controller stands at a tick."""
-        self._bus.publish(Status(self._run, tick, memory, wanted, clock, speed, followed))
+    def send_question(self, request: PlanRequest, planner: PlannerConfig, speed: float) -> None:
+        """Publish a plan's question (realtime), unless it asks of a state that makes no sense."""
+        if np.isfinite(request.state).all():
+            self._bus.publish(self._question(request, planner, "realtime", speed))
+
+    def _question(
+        self, request: PlanRequest, planner: PlannerConfig, clock: Clock, speed: float
+    ) -> Question:
+        return Question(
+            self._bus.run or "",
+            number=request.number,
+            tick=request.tick,
+            clock=clock,
+            speed=speed,
+            state=request.state,
+            memory=request.memory,
+            followed=request.previous,
+            weights=request.cost.weights,
+            parameters=request.cost.parameters,
+            settings=asdict(planner),
+        )
 
     def newest_state(self, tick: int, patience: float) -> tuple[int, np.ndarray] | None:
         """Return tick and value of the newest state, waiting up to patience [s] for a tick's."""
@@ -130,28 +153,19 @@ class RobotLink:
             self._plans.clear()
         return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
 
-    def stop_order(self) -> str | None:
-        """Return who ordered the robot to stop and why, once for each order; None if nobody."""
-        with self._arrived:
-            order, self._ordered_stop = self._ordered_stop, ""
-            return order or None
-
-    def resume_order(self) -> bool:
-        """Whether somebody said to go on since the last stop and the last call."""
-        with self._arrived:
-            order, self._ordered_resume = self._ordered_resume, False
-            return order
-
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
-        began, noticed = time.monotonic(), False
+        began, noticed, again = time.monotonic(), False, False
         while True:
+            if again:
+                self.announce()  # it may be the episode that the others have missed
             publish()
+            again = True
             with self._arrived:
                 self._arrived.wait_for(
-                    lambda: bool(self._ordered_stop) or answer() is not None, RESEND_S
+                    lambda: self.operator.stop_waits() or answer() is not None, RESEND_S
                 )
-                if self._ordered_stop:
-                    raise Stopped(self._ordered_stop)
+                if self.operator.stop_waits():
+                    raise Stopped(f"while waiting for {what}")
                 result = answer()
                 if result is not None:
                     self._plans.clear()
@@ -165,6 +179,10 @@ class RobotLink:
                 noticed = True
                 self._tell("warning", f"waiting for {what}")
 
+    def _wake(self) -> None:
+        with self._arrived:
+            self._arrived.notify_all()
+
     def _refused(self, what: str) -> None:
         self.refused += 1
         if self.refused == 1:
@@ -172,8 +190,11 @@ class RobotLink:
 
     def _on_state(self, state: State) -> None:
         """Take a state; one from the future would stand in the way of all that follow."""
-        if state.tick > self._tick or self._state_size not in (None, len(state.state)):
-            size = len(state.state)
+        episode = self._episode
+        if episode is None:
+            return
+        model, size = episode.problem.model, len(state.state)
+        if state.tick > self._tick or size != model.nq + model.nv:
             self._refused(f"a state of tick {state.tick} with {size} numbers is refused")
             return
         with self._arrived:
@@ -182,20 +203,13 @@ class RobotLink:
                 self._arrived.notify_all()
 
     def _on_plan(self, message: PlanMessage) -> None:
-        report = message.report
-        if reason := self._refuse(report.plan):
+        episode, report = self._episode, message.report
+        if episode is None:
+            return
+        if reason := misfit(report, episode.task, episode.controls.planner, self._tick):
             self._refused(f"plan {report.plan.number} is refused: {reason}")
             return
         with self._arrived:
             self._plans[report.plan.number] = report
             self._arrived.notify_all()
         self._on_report(report)
-
-    def _on_order(self, order: Order) -> None:
-        with self._arrived:
-            if order.action == "stop":
-                by = f"{order.source}: {order.reason}" if order.reason else order.source
-                self._ordered_stop, self._ordered_resume = f"stopped by {by}", False
-            else:
-                self._ordered_resume = True
-            self._arrived.notify_all()

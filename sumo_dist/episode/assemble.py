@@ -1,34 +1,134 @@
-"""The first state of an episode and the plant that starts there, decided by task and seed."""
+"""The one place where an episode is put together: everything that runs one begins here."""
+
+import time
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from sumo_dist.episode.command import Controls
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.ending import Ending
+from sumo_dist.episode.referee import Referee
+from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.planner import PlanRequest
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.plant.body import Body
 from sumo_dist.plant.noise import plant_profile
 from sumo_dist.plant.simulated import Plant
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
+from sumo_dist.robots.robot import Robot
+from sumo_dist.rollout import engine_identity, make_controller
+from sumo_dist.rollout.interface import Controller
+from sumo_dist.tasks import load_task
 from sumo_dist.tasks.reset import Start
 from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK
 
 
-def draw_start(task: Task, seed: int) -> np.ndarray:
-    """State (nq + nv,) that the task's reset draws for a seed."""
-    return task.reset(np.random.default_rng(seed), Start.of(task.scene))
+@dataclass
+class Episode:
+    """All that takes part in an episode, but for who estimates and who plans.
+
+    Attributes:
+        config: what decides it.
+        problem: its task, compiled for planning.
+        body: the robot.
+        guard: the way of every command to the body.
+        controller: turns commands into joint targets, at the robot as in rollouts.
+        referee: says when it is over.
+        controls: what may change while it runs.
+        recording: is written.
+    """
+
+    config: EpisodeConfig
+    problem: Problem
+    body: Body
+    guard: CommandGuard
+    controller: Controller
+    referee: Referee
+    controls: Controls
+    recording: Recording
+
+    @classmethod
+    def assemble(cls, config: EpisodeConfig, body: Body | None = None) -> Self:
+        """Put an episode together.
+
+        Args:
+            config: what decides it.
+            body: the robot; by default a simulated one at the start that the task draws.
+
+        Raises:
+            UsageError: the config names what is not there, or does not fit the task.
+        """
+        problem = Problem.build(load_task(config.task), planning_options(config.planner))
+        task = problem.task
+        body = body or make_plant(config, task)
+        recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
+
+        def send(targets: np.ndarray) -> None:
+            recording.targets.append(targets)
+            body.send(targets)
+
+        return cls(
+            config,
+            problem,
+            body,
+            guard=CommandGuard(task.scene.robot, problem.model, send, TICK),
+            controller=make_controller(problem.policy, problem.model, config.engine),
+            referee=Referee(task, problem.model, config.time_limit),
+            controls=Controls(config, task, body.can_hold),
+            recording=recording,
+        )
+
+    @property
+    def task(self) -> Task:
+        """What is to be done."""
+        return self.problem.task
+
+    @property
+    def robot(self) -> Robot:
+        """Who does it."""
+        return self.task.scene.robot
+
+    def request(
+        self, number: int, tick: int, state: np.ndarray, memory: np.ndarray, previous: Plan | None
+    ) -> PlanRequest:
+        """Ask for a plan under the weights and parameters of now."""
+        return PlanRequest(number, tick, state, memory, previous, self.controls.cost)
+
+    def note_tick(self, estimate: np.ndarray | None, memory: np.ndarray) -> None:
+        """Record what a tick begins with; the estimate stands for a truth that nobody knows."""
+        truth = self.body.truth
+        state = estimate if truth is None else truth
+        if state is not None:
+            self.recording.add_tick(state, state if estimate is None else estimate, memory)
+
+    def verdict(self, tick: int, estimate: np.ndarray) -> Ending | None:
+        """Judge a tick on the true state, or on the estimate where nobody knows it."""
+        truth = self.body.truth
+        self.referee.parameters = self.controls.cost.parameters
+        return self.referee.verdict(tick, estimate if truth is None else truth)
+
+    def finish(self, ending: Ending, began: float) -> Ending:
+        """Write the account of an episode that began at time.perf_counter() into its recording."""
+        ending = ending.after(time.perf_counter() - began)
+        self.recording.commands = self.guard.account()
+        self.recording.operator = self.controls.commands
+        self.recording.ending = ending.reason
+        return ending
+
+
+def draw_start(task: Task, seed: int, parameters: np.ndarray | None = None) -> np.ndarray:
+    """State (nq + nv,) that the task's reset draws for a seed, with parameters (n,) or its own."""
+    numbers = task.table.defaults.parameters if parameters is None else parameters
+    start = Start.of(task.scene, task.frames, task.table.named(numbers))
+    return task.reset(np.random.default_rng(seed), start)
 
 
 def make_plant(config: EpisodeConfig, task: Task) -> Plant:
-    """Return the plant of an episode at its start."""
-    start, profile = draw_start(task, config.seed), plant_profile(config.plant)
+    """Return the simulated robot of an episode at its start."""
+    start = draw_start(task, config.seed, config.cost(task).parameters)
+    profile = plant_profile(config.plant)
     return Plant(task.scene, start, config.estimator, profile, config.seed)
-
-
-def make_guard(task: Task, plant: Plant, recording: Recording | None = None) -> CommandGuard:
-    """Return what every command to a task's plant goes by; what it sends is recorded."""
-
-    def send(targets: np.ndarray) -> None:
-        if recording is not None:
-            recording.targets.append(targets)
-        plant.step(targets)
-
-    return CommandGuard(task.scene.robot, plant.model, send, TICK)

@@ -1,8 +1,11 @@
-"""What decides an episode, and how it is written into its recording."""
+"""What decides an episode, and how it travels: in recordings, over the bus, to other processes."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Self
 
+from sumo_dist.costs.table import CostSettings
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import ESTIMATORS
 from sumo_dist.planner.config import PlannerConfig
@@ -10,6 +13,7 @@ from sumo_dist.planner.problem import Problem
 from sumo_dist.plant.noise import plant_profile
 from sumo_dist.provenance import versions
 from sumo_dist.tasks import task_source
+from sumo_dist.tasks.task import Task
 
 CLOCKS = ("lockstep", "realtime")
 
@@ -27,6 +31,8 @@ class EpisodeConfig:
         time_limit: robot time [s]; None takes the task's.
         engine: kind of rollout engine, see rollout.make_engine.
         plant: "nominal", "perturbed" or "hard", see plant.noise.
+        weight: weights of cost terms in place of the task's, such as "goal=80".
+        param: parameters in place of the task's, such as "goal=1,0".
     """
 
     task: str
@@ -37,6 +43,8 @@ class EpisodeConfig:
     time_limit: float | None = None
     engine: str = "auto"
     plant: str = "nominal"
+    weight: tuple[str, ...] = ()
+    param: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "task", task_source(self.task))
@@ -50,22 +58,51 @@ class EpisodeConfig:
         if self.time_limit is not None and not 0 < self.time_limit <= 3600:
             raise UsageError(f"time limit must be in (0, 3600] s, got {self.time_limit}")
 
+    def cost(self, task: Task) -> CostSettings:
+        """Weights and parameters at the start of an episode of the task, checked."""
+        return task.table.adjusted(self.weight, self.param)
+
+    def to_json(self) -> str:
+        """Return all that `from_json` needs to build the same episode."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Build the episode that `to_json` was asked of; raise UsageError for anything else."""
+        try:
+            return cls.of(json.loads(text))
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"this is no episode's configuration: {error}") from None
+
+    @classmethod
+    def of(cls, record: Any) -> Self:
+        """Build an episode from its fields by name, as a recording has them."""
+        names = {f.name for f in fields(cls)}
+        if not isinstance(record, Mapping) or set(record) != names:
+            found = sorted(map(str, record)) if isinstance(record, Mapping) else record
+            raise UsageError(f"an episode of another version: needs {sorted(names)}, got {found}")
+        given = dict(record)
+        if not isinstance(given["planner"], Mapping):
+            raise UsageError("an episode's planner settings must be a map")
+        given["planner"] = PlannerConfig.from_settings(given["planner"])
+        try:
+            given["weight"], given["param"] = tuple(given["weight"]), tuple(given["param"])
+            return cls(**given)
+        except (TypeError, AttributeError) as error:
+            raise UsageError(f"an episode's field has a wrong type: {error}") from None
+
     def describe(self, problem: Problem, engine: str) -> dict[str, Any]:
         """Return the resolved config for the recording; `engine` names the one in use."""
+        table = problem.task.table
         return {
-            "task": self.task,
+            "episode": asdict(self),
             "task_name": problem.task.name,
             "robot": problem.task.scene.robot.name,
-            "optimizer": self.planner.optimizer,
             "engine": engine,
-            "clock": self.clock,
-            "estimator": self.estimator,
-            "plant": self.plant,
             "plant_profile": asdict(plant_profile(self.plant)),
-            "seed": self.seed,
-            "planner": asdict(self.planner),
             "task_hash": problem.hash,
             "config_hash": self.planner.hash(problem.hash),
-            "terms": [term.name for term in problem.task.cost],
+            "terms": list(table.terms),
+            "parameters": {name: p.default for name, p in table.parameters.items()},
             "versions": versions(),
         }

@@ -4,24 +4,40 @@ from collections import deque
 
 import numpy as np
 
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.report import PlanReport
 from sumo_dist.robots.robot import ActionSpace
+from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK, anchor_tick
 
 AHEAD_S = 2.0  # no plan is made for a time further off than this [s]
 STAND_RAMP_S = 0.5  # from the last action of a plan that ran out to standing still
 
 
-def misfit(plan: Plan, actions: ActionSpace, now: int | None = None) -> str:
-    """Say why a plan cannot be followed by a robot with these actions, "" if it can.
+def misfit(report: PlanReport, task: Task, planner: PlannerConfig, now: int) -> str:
+    """Say why a plan, or its account, cannot be a robot's, "" if it can.
 
     Its numbers are finite: what is not does not pass the wire.
 
     Args:
-        plan: that came from outside.
-        actions: the robot's.
+        report: that came from outside.
+        task: the robot's.
+        planner: the settings that plans are asked for with, of which the nodes stay as they are.
         now: the tick it is; a plan from far ahead would keep out all that come before it.
     """
+    sizes = len(report.terms), len(report.weights), len(report.parameters)
+    defaults = task.table.defaults
+    wanted = len(task.cost), len(task.cost), len(defaults.parameters)
+    if sizes != wanted:
+        return f"it has {sizes} terms, weights and parameters, the robot's task has {wanted}"
+    if report.plan.knots.ndim == 2 and len(report.plan.knots) != planner.nodes:
+        return f"it has {len(report.plan.knots)} nodes, {planner.nodes} were asked for"
+    return unfollowable(report.plan, task.actions, now)
+
+
+def unfollowable(plan: Plan, actions: ActionSpace, now: int | None = None) -> str:
+    """Say why a robot with these actions cannot follow a plan, "" if it can; see `misfit`."""
     if now is not None and (ahead := (plan.tick - now) * TICK) > AHEAD_S:
         return f"it begins {ahead:.0f} s from now, at most {AHEAD_S:g}"
     width = plan.knots.shape[-1] if plan.knots.ndim == 2 else 0

@@ -1,35 +1,68 @@
 """The whole planner in one process: what `--workers 0` runs, and what the services must equal."""
 
 import time
+from typing import Self
 
 import numpy as np
 
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.planner import Planner, PlanRequest
+from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.rollout.interface import Engine
 
 
 class LocalPlanning:
-    """Plans with rollouts in this process and reports on each plan."""
+    """Plans with rollouts in this process and reports on each plan; a context manager."""
 
-    def __init__(self, planner: Planner, evaluator: Evaluator) -> None:
-        """Join a planner with the evaluator of its task."""
-        self._planner = planner
-        self._evaluator = evaluator
+    def __init__(self, problem: Problem, config: EpisodeConfig, threads: int) -> None:
+        """Plan for an episode's problem; settings may change from plan to plan."""
+        self._problem, self._config, self._threads = problem, config, threads
+        self._planner: Planner | None = None
+        self._engine: Engine | None = None
         self._rollout_s = 0.0
         self.traces = np.empty(0, np.float32)  # of the newest plan: see Evaluation.traces
 
-    def __call__(self, request: PlanRequest) -> PlanReport:
+    def __enter__(self) -> Self:
+        self._turn_to(self._config.planner)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def __call__(self, request: PlanRequest, settings: PlannerConfig) -> PlanReport:
         """Make one plan."""
+        planner = self._turn_to(settings)
         began = time.perf_counter()
         self._rollout_s = 0.0
-        result = self._planner.plan(request, self._evaluate)
+        result = planner.plan(request, self._evaluate)
         plan_s = time.perf_counter() - began
         self.traces = result.evaluation.traces
         return PlanReport.of(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
 
+    def _turn_to(self, settings: PlannerConfig) -> Planner:
+        """Return the planner of some settings; only another model needs another engine."""
+        if self._planner is not None and self._planner.config == settings:
+            return self._planner
+        options = planning_options(settings)
+        if self._engine is None or options != self._options:
+            if self._engine is not None:
+                self._close()
+                self._problem = Problem.build(self._problem.task, options)
+            self._engine = self._problem.engine(self._threads, self._config.engine)
+            self._options = options
+        self._evaluator = Evaluator(self._problem, self._engine, settings)
+        self._planner = Planner(settings, self._problem.task.actions, self._config.seed)
+        return self._planner
+
+    def _close(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+
     def _evaluate(self, request: PlanRequest, _iteration: int, knots: np.ndarray) -> Evaluation:
         began = time.perf_counter()
-        evaluation = self._evaluator(request.state, request.memory, knots)
+        evaluation = self._evaluator(request.state, request.memory, request.cost.parameters, knots)
         self._rollout_s += time.perf_counter() - began
         return evaluation

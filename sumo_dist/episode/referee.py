@@ -1,21 +1,26 @@
-"""Judges an episode on the plant's true state: solved, fallen, out of time, or going on."""
+"""Judges an episode, tick by tick: solved, fallen, out of time, or going on."""
 
 import mujoco
 import numpy as np
 
-from sumo_dist.costs.terms import fallen
 from sumo_dist.costs.view import View, ViewLayout
+from sumo_dist.episode.ending import End, Ending
 from sumo_dist.tasks.task import Task
+from sumo_dist.tasks.terms import lies
 from sumo_dist.timing import TICK
 
 FALL_S = 1.0  # a robot that is down for this long fell; before, it may still come up
 
 
 class Referee:
-    """Watches one episode; ask it once per tick."""
+    """Watches one episode; ask it once per tick.
+
+    Attributes:
+        parameters: (n,) of the task, which its success test reads.
+    """
 
     def __init__(self, task: Task, model: mujoco.MjModel, time_limit: float | None = None) -> None:
-        """Judge a task on the plant's model; time_limit overrides the task's [s]."""
+        """Judge a task on a model of its scene; time_limit overrides the task's [s]."""
         self._task = task
         self._data = mujoco.MjData(model)
         self._model = model
@@ -24,24 +29,31 @@ class Referee:
         self._hold_ticks = round(task.success_hold / TICK)
         self._held = -1
         self._down = 0
+        self._lies = lies(task.scene.robot)
+        self.parameters = task.table.defaults.parameters
 
-    def verdict(self, tick: int, state: np.ndarray) -> str | None:
-        """Return "success", "fell", one of the task's failures, "timeout", or None to go on."""
+    def verdict(self, tick: int, state: np.ndarray) -> Ending | None:
+        """Return success, a fall, one of the task's failures, a timeout, or None to go on."""
         view = self.view(state)
         self._held = self._held + 1 if bool(self._task.success(view)[0, 0]) else -1
         if self._held >= self._hold_ticks:
-            return "success"
-        down = fallen(view.base, self._task.scene.robot.fall_height)[0, 0]
+            return Ending(End.SUCCESS)
+        down = self._lies(view)[0, 0]
         self._down = self._down + 1 if down else 0
         if self._down * TICK > FALL_S:
-            return "fell"
+            return Ending(End.FELL)
         if tick < self._last_tick:
             return None
         held = (name for name, holds in self._task.failure.items() if holds(view)[0, 0])
-        return next(held, "timeout")
+        failure = next(held, None)
+        return Ending(End.TIMEOUT) if failure is None else Ending(End.FAILURE, failure)
 
     def view(self, state: np.ndarray) -> View:
         """Name the arrays of one state: one rollout of one step, without an action."""
         self._data.qpos[:], self._data.qvel[:] = np.split(state, [self._model.nq])
         mujoco.mj_kinematics(self._model, self._data)
-        return self._layout.at(self._data, len(self._task.actions.names))
+        return self._layout.at(
+            self._data,
+            len(self._task.actions.names),
+            self._task.table.named(self.parameters),
+        )

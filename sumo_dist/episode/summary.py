@@ -24,15 +24,16 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     """
     plan_ms = np.array(recording.plan_ms or [np.nan])
     seconds = max(len(recording.states) - 1, 0) * TICK
-    success = ending.reason == "success"
-    identity = ("robot", "optimizer", "engine", "clock", "seed", "config_hash")
+    config = recording.config["episode"]
     return {
         "task": recording.config["task_name"],
-        **{key: recording.config[key] for key in identity},
-        "plant": recording.config.get("plant", "nominal"),
-        "success": success,
-        "completion_time_s": round(seconds, 2) if success else None,
+        **{key: recording.config[key] for key in ("robot", "engine", "config_hash")},
+        "optimizer": config["planner"]["optimizer"],
+        **{key: config[key] for key in ("clock", "seed", "plant", "estimator")},
+        "success": ending.success,
+        "completion_time_s": round(seconds, 2) if ending.success else None,
         "robot_time_s": round(seconds, 2),
+        "end": ending.kind.value,
         "end_reason": ending.reason,
         "plans": len(recording.plan_ms),
         "plan_ms_p50": _finite(np.percentile(plan_ms, 50)),

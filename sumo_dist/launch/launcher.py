@@ -47,6 +47,9 @@ def flags(options: Any, prefix: str = "") -> Iterator[str]:
             yield from flags(value, f"{name}.")
         elif isinstance(value, bool):
             yield f"--{name}" if value else f"--{prefix}no-{f.name.replace('_', '-')}"
+        elif isinstance(value, tuple):
+            if value:
+                yield from (f"--{name}", *map(str, value))
         else:
             yield from (f"--{name}", str(value))
 

@@ -14,6 +14,7 @@ class StateIndex:
     Attributes:
         nq, nv: lengths of qpos and qvel.
         free_bodies: names of the bodies with a free joint, in qpos order.
+        columns: of each hinge and slide by name, where its position and velocity are in a state.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -21,13 +22,13 @@ class StateIndex:
         self.nq: int = model.nq
         self.nv: int = model.nv
         self._free: dict[str, tuple[int, int]] = {}  # body -> where in qpos and qvel
-        self._joints: dict[str, tuple[int, int]] = {}  # hinge or slide -> where in a state
+        self.columns: dict[str, tuple[int, int]] = {}
         for i in range(model.njnt):
             joint, in_qpos, in_qvel = model.joint(i), model.jnt_qposadr[i], model.jnt_dofadr[i]
             if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE:
                 self._free[model.body(model.jnt_bodyid[i]).name] = in_qpos, in_qvel
             elif model.jnt_type[i] != mujoco.mjtJoint.mjJNT_BALL:
-                self._joints[joint.name] = in_qpos, self.nq + in_qvel
+                self.columns[joint.name] = in_qpos, self.nq + in_qvel
         self.free_bodies = tuple(self._free)
 
     def pose(self, body: str) -> slice:
@@ -43,9 +44,9 @@ class StateIndex:
     def joints(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Indices of hinge or slide joints' positions and velocities in a state."""
         for name in names:
-            if name not in self._joints:
-                raise unknown("joint", name, self._joints)
-        indices = np.array([self._joints[name] for name in names], np.intp).reshape(-1, 2)
+            if name not in self.columns:
+                raise unknown("joint", name, self.columns)
+        indices = np.array([self.columns[name] for name in names], np.intp).reshape(-1, 2)
         return indices[:, 0], indices[:, 1]
 
     def pack(self, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:

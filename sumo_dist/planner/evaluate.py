@@ -1,4 +1,4 @@
-"""Costs of candidate plans: knots -> commands -> rollouts -> weighted cost terms."""
+"""Costs of candidate plans: knots -> commands -> rollouts -> cost terms -> weighted costs."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
-from sumo_dist.rollout.interface import Engine
+from sumo_dist.rollout.interface import Engine, Rollouts
 from sumo_dist.timing import TICK
 
 TRACE_POINTS = 25
@@ -20,7 +20,7 @@ class Evaluation:
     """What came back of B candidates.
 
     Attributes:
-        terms: (B, n_terms) weighted costs; rows that were lost or invalid are NaN.
+        terms: (B, n_terms) reduced residuals, unweighted; rows that were lost or invalid are NaN.
         valid: (B,) the rollout stayed finite.
         answered: (B,) False for candidates nobody rolled out in time.
         traces: (B, F, P, 3) float32 thinned paths of the trail frames, world [m]; empty where
@@ -32,13 +32,15 @@ class Evaluation:
     answered: np.ndarray
     traces: np.ndarray
 
-    @property
-    def costs(self) -> np.ndarray:
-        """(B,) total cost; +inf where a candidate is lost, invalid or its cost is not finite."""
-        total = self.terms[:, 0].copy()
+    def costs(self, weights: np.ndarray) -> np.ndarray:
+        """Total cost (B,) at weights (n_terms,).
+
+        It is +inf where a candidate is lost, invalid or its cost is not finite.
+        """
         with np.errstate(invalid="ignore", over="ignore"):
+            total = weights[0] * self.terms[:, 0]
             for i in range(1, self.terms.shape[1]):
-                total += self.terms[:, i]
+                total += weights[i] * self.terms[:, i]
         return np.where(self.valid & np.isfinite(total), total, np.inf)
 
 
@@ -56,8 +58,30 @@ class Evaluator:
         self._trails = [names.index(name) for name in problem.task.trails]
         self._knots_shape = config.nodes, problem.task.actions.size
 
-    def __call__(self, state: np.ndarray, memory: np.ndarray, knots: np.ndarray) -> Evaluation:
-        """Evaluate knots (B, K, n) from a state (nq + nv,) and policy memory (nm,)."""
+    def __call__(
+        self, state: np.ndarray, memory: np.ndarray, parameters: np.ndarray, knots: np.ndarray
+    ) -> Evaluation:
+        """Evaluate knots (B, K, n) from a state (nq + nv,) and policy memory (nm,).
+
+        Args:
+            state, memory: where the rollouts start.
+            parameters: (n,) of the task, see `CostSettings`.
+            knots: the candidates.
+
+        Raises:
+            UsageError: an array of the wrong shape.
+        """
+        rollouts, physical = self.roll_out(state, memory, knots)
+        terms = self.terms(rollouts, physical, parameters)
+        terms[~rollouts.valid] = np.nan
+        traces = rollouts.positions[:, self._thin][:, :, self._trails].astype(np.float32)
+        answered = np.ones(len(knots), bool)
+        return Evaluation(terms, rollouts.valid, answered, traces.transpose(0, 2, 1, 3))
+
+    def roll_out(
+        self, state: np.ndarray, memory: np.ndarray, knots: np.ndarray
+    ) -> tuple[Rollouts, np.ndarray]:
+        """Roll out knots (B, K, n); return also their physical actions (B, T, nu)."""
         if knots.ndim != 3 or knots.shape[1:] != self._knots_shape:
             nodes, size = self._knots_shape
             raise UsageError(
@@ -65,13 +89,14 @@ class Evaluator:
             )
         actions = self._problem.task.actions
         physical = actions.physical(splines.evaluate(self._weights, knots))  # (B, T, nu)
-        rollouts = self._engine.rollout(state, memory, actions.to_command(physical))
+        return self._engine.rollout(state, memory, actions.to_command(physical)), physical
+
+    def terms(self, rollouts: Rollouts, physical: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """Cost terms (B, n_terms) of rollouts, unweighted, under parameters (n,)."""
+        task = self._problem.task
         view = self._problem.layout.view(
-            rollouts.states, rollouts.positions, rollouts.rotations, physical
+            *(rollouts.states, rollouts.positions, rollouts.rotations, physical),
+            task.table.named(parameters),
         )
         with np.errstate(invalid="ignore", over="ignore"):
-            costs = terms.evaluate(self._problem.task.cost, view)
-        costs[~rollouts.valid] = np.nan
-        traces = rollouts.positions[:, self._thin][:, :, self._trails].astype(np.float32)
-        answered = np.ones(len(knots), bool)
-        return Evaluation(costs, rollouts.valid, answered, traces.transpose(0, 2, 1, 3))
+            return terms.evaluate(task.cost, view)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sumo_dist.costs.table import CostSettings
 from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
@@ -23,6 +24,7 @@ class PlanRequest:
         state: (nq + nv,) before that tick's policy evaluation.
         memory: (nm,) float32 policy memory of the same instant.
         previous: the plan that is being followed, None at the start.
+        cost: weights and parameters of its cost.
     """
 
     number: int
@@ -30,6 +32,7 @@ class PlanRequest:
     state: np.ndarray
     memory: np.ndarray
     previous: Plan | None
+    cost: CostSettings
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,13 @@ class PlanResult:
     Attributes:
         plan: the new plan.
         evaluation: of the last iteration's candidates; row 0 is the unperturbed mean.
+        cost: weights and parameters that it was made with.
         failed: no candidate had a finite cost; the plan is the shifted previous one.
     """
 
     plan: Plan
     evaluation: Evaluation
+    cost: CostSettings
     failed: bool
 
 
@@ -78,14 +83,16 @@ class Planner:
             rng = self._rng(request.number, iteration)
             knots = sample(belief, count, rng, self._coloring)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)
-            belief = self._optimizer.update(belief, knots, evaluation.costs)
-            row = int(np.argmin(evaluation.costs))
-            if evaluation.costs[row] < lowest:
-                best, lowest = knots[row], evaluation.costs[row]
+            costs = evaluation.costs(request.cost.weights)  # (B,)
+            belief = self._optimizer.update(belief, knots, costs)
+            row = int(np.argmin(costs))
+            if costs[row] < lowest:
+                best, lowest = knots[row], costs[row]
         assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
-        return PlanResult(self._anchored(request, chosen), evaluation, failed)
+        plan = self._anchored(request, chosen)
+        return PlanResult(plan, evaluation, request.cost, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:
         """Knots (K, n) of the previous plan at the new node times; at first, stand and wait."""

@@ -11,6 +11,7 @@ from sumo_dist.model.scene import ModelOptions, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.policies import Policy, load_policy
+from sumo_dist.policies.hold import hold_targets
 from sumo_dist.robots.compatibility import check
 from sumo_dist.rollout import make_engine
 from sumo_dist.rollout.interface import Engine
@@ -24,9 +25,10 @@ class Problem:
     Attributes:
         task: the task.
         model: its planning model.
-        policy: the robot's low-level policy.
+        policy: what turns commands into joint targets: the robot's low-level policy, or none.
         layout: where the task's frames lie in rollouts.
-        hash: of the compiled model, the policy, and all that the task computes.
+        hash: of the compiled model, the policy, and all that the task computes; its weights and
+            the values of its parameters belong to a question, and are not in it.
     """
 
     task: Task
@@ -41,6 +43,8 @@ class Problem:
         model = compile_model(task.scene, options)
         policy = load_policy(task.scene.robot.policy)
         check(policy.contract, task.scene.robot, model)
+        if task.controller == "joint-targets":
+            policy = hold_targets(policy.contract)
         layout = ViewLayout(model, task.frames)
         return cls(task, model, policy, layout, _hash(task, model, policy))
 
@@ -57,10 +61,12 @@ def planning_options(config: PlannerConfig) -> ModelOptions:
 def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
     compiled = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
-    packages = {"sumo_dist", *(_package(term.function) for term in task.cost)}
-    planning = task.cost, task.frames, task.actions
+    terms = [(term.name, term.residual, term.reduction) for term in task.cost]
+    parameters = [(parameter.name, parameter.size) for parameter in task.parameters]
+    planning = terms, parameters, task.frames, task.actions, task.controller
     episode = task.reset, task.success, task.failure, task.success_hold, task.time_limit
-    parts = (compiled, policy.contract.weights_sha256, planning, episode)
+    packages = {_package(term.residual) for term in task.cost}  # of a task that is installed
+    parts = compiled, policy.contract.weights_sha256, planning, episode
     return fingerprint(parts, packages)[:16]
 
 

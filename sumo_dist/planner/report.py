@@ -18,6 +18,7 @@ class PlanReport:
         costs: (B,) candidates' total costs; 0 where not finite.
         finite: (B,) False where a candidate was lost, diverged or had a non-finite cost.
         terms: (n_terms,) weighted costs of the unperturbed candidate; 0 where not finite.
+        weights, parameters: (n_terms,) and (n,), that it was made with.
         plan_ms: wall time from the request to the plan [ms].
         own_ms: the part of it spent outside rollouts and waiting for them [ms].
         age_ticks: policy ticks of robot time that the plan's state was old when it was sent.
@@ -32,6 +33,8 @@ class PlanReport:
     costs: np.ndarray
     finite: np.ndarray
     terms: np.ndarray
+    weights: np.ndarray
+    parameters: np.ndarray
     plan_ms: float
     own_ms: float
     age_ticks: int = 0
@@ -45,12 +48,17 @@ class PlanReport:
     def of(cls, result: PlanResult, plan_ms: float, own_ms: float, **account: int) -> Self:
         """Summarise a plan; the account holds counters where they are not zero."""
         evaluation = result.evaluation
-        finite = np.isfinite(evaluation.costs)
+        costs = evaluation.costs(result.cost.weights)
+        finite = np.isfinite(costs)
+        with np.errstate(invalid="ignore", over="ignore"):
+            terms = result.cost.weights * evaluation.terms[0]
         return cls(
             plan=result.plan,
-            costs=np.where(finite, evaluation.costs, 0.0),
+            costs=np.where(finite, costs, 0.0),
             finite=finite,
-            terms=np.nan_to_num(evaluation.terms[0], nan=0.0, posinf=0.0, neginf=0.0),
+            terms=np.nan_to_num(terms, nan=0.0, posinf=0.0, neginf=0.0),
+            weights=result.cost.weights,
+            parameters=result.cost.parameters,
             plan_ms=plan_ms,
             own_ms=own_ms,
             lost=int((~evaluation.answered).sum()),

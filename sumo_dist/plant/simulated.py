@@ -24,7 +24,15 @@ def mocap_times_ms(first: int, last: int) -> np.ndarray:
 
 
 class Plant:
-    """MuJoCo behind the interface of a robot: joint targets in, readings out, one tick a step."""
+    """MuJoCo as a robot's body; see plant.body.
+
+    Attributes:
+        model: of the world, in which the profile may have changed numbers.
+        tick: policy ticks that have passed.
+        can_hold: always.
+    """
+
+    can_hold = True
 
     def __init__(
         self,
@@ -73,17 +81,28 @@ class Plant:
             self._mocap.append((0, self._read_bodies()))  # the first frame is waited for
 
     @property
-    def state(self) -> np.ndarray:
+    def truth(self) -> np.ndarray:
         """(nq + nv,) the true state."""
         return np.concatenate([self._data.qpos, self._data.qvel])
 
-    def step(self, targets: np.ndarray) -> None:
-        """Hold joint targets (nu,) [rad] for one policy tick."""
-        if not np.isfinite(targets).all():  # MuJoCo would take them for zeros
+    def send(self, targets: np.ndarray) -> None:
+        """Hand joint targets (nu,) [rad] to the servos.
+
+        Raises:
+            SumoError: they are not finite, which MuJoCo would take for zeros.
+        """
+        if not np.isfinite(targets).all():
             raise SumoError(f"the policy's joint targets are not finite at tick {self.tick}")
+        self._commands.send(self.tick * 20, targets)
+
+    def advance(self) -> None:
+        """Simulate one policy tick.
+
+        Raises:
+            SumoError: the simulation diverged.
+        """
         self._encoders.clear()
         first = self.tick * 20
-        self._commands.send(first, targets)
         frames = set(mocap_times_ms(first, first + 20).tolist()) if self._packets else set()
         for i in range(self._substeps):
             self._data.ctrl[:] = self._commands.at(first + i * 20 / self._substeps)
@@ -103,7 +122,7 @@ class Plant:
         width, bodies = 2 * len(self._joint_qpos), len(self._free_qpos)
         return Readings(
             self.tick,
-            np.empty(0) if self._packets else self.state,
+            np.empty(0) if self._packets else self.truth,
             np.array([stamp for stamp, _ in self._encoders], np.int64),
             np.array([values for _, values in self._encoders]).reshape(-1, width),
             np.array([stamp for stamp, _ in self._mocap], np.int64),

@@ -15,12 +15,12 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.rows import Rows
 
-FORMAT = 1
-_ABOUT = ("config", "commands")  # all other fields are arrays
+FORMAT = 2
+_ABOUT = ("config", "commands", "operator", "ending")  # all other fields are arrays
 _TICKS = ("states", "estimates", "memories")
 _PLANS = (
     *("plan_numbers", "plan_ticks", "plan_ms", "age_ticks", "lost", "reissued", "rollouts"),
-    *("knots", "costs", "terms"),
+    *("knots", "costs", "terms", "weights", "parameters"),
 )
 
 
@@ -29,8 +29,9 @@ class Recording:
     """What happened, tick by tick and plan by plan; grows, on disk, during a run.
 
     Attributes:
-        config: task, robot, seed, planner settings, hashes, versions, cost term names.
-        states: per tick, (nq + nv,) the plant's state.
+        config: the episode's configuration, hashes, versions, names of cost terms and parameters;
+            see `EpisodeConfig.describe`.
+        states: per tick, (nq + nv,) the true state, or the estimate where nobody knows it.
         estimates: per tick, (nq + nv,) the state that the policy and the planner saw.
         memories: per tick, (nm,) policy memory before that tick's evaluation.
         plan_numbers, plan_ticks, plan_ms: per plan; the tick it is anchored on; wall time [ms].
@@ -38,13 +39,17 @@ class Recording:
         knots: per plan, (K, n) normalised actions.
         rollouts: per plan, candidates B it was made of; in realtime as many as the workers manage.
         costs: per plan, (B,) candidates' costs, +inf where lost or invalid; where a plan had fewer
-            candidates than configured the rest is +inf as well.
+            candidates than were configured at the start the rest is +inf as well, and of more only
+            the first are here.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
+        weights, parameters: per plan, (n_terms,) and (n,), that it was made with.
         traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
             writes them to the .rrd.
         late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
         targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
         commands: joint targets sent, and how many the guard had to change, by reason.
+        operator: what an operator commanded, each with its tick, in the order it was carried out.
+        ending: how the episode ended, in words; "" while it runs.
     """
 
     config: dict[str, Any]
@@ -61,10 +66,14 @@ class Recording:
     knots: Rows = field(default_factory=Rows)
     costs: Rows = field(default_factory=Rows)
     terms: Rows = field(default_factory=Rows)
+    weights: Rows = field(default_factory=Rows)
+    parameters: Rows = field(default_factory=Rows)
     traces: Rows = field(default_factory=Rows)
     late_ms: Rows = field(default_factory=Rows)
     targets: Rows = field(default_factory=Rows)
     commands: dict[str, int] = field(default_factory=dict)
+    operator: list[dict[str, Any]] = field(default_factory=list)
+    ending: str = ""
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
         """Append what one tick began with."""
@@ -73,7 +82,7 @@ class Recording:
         self.memories.append(memory)
 
     def add_plan(self, report: PlanReport) -> None:
-        """Append one plan and its account."""
+        """Append one plan, its account, and what it was made with."""
         self.plan_numbers.append(report.plan.number)
         self.plan_ticks.append(report.plan.tick)
         self.plan_ms.append(report.plan_ms)
@@ -82,10 +91,12 @@ class Recording:
         self.reissued.append(report.reissued)
         self.rollouts.append(len(report.costs))
         self.knots.append(report.plan.knots)
-        costs = np.where(report.finite, report.costs, np.inf)
+        costs = np.where(report.finite, report.costs, np.inf)[: self._candidates]
         missing = max(0, self._candidates - len(costs))
         self.costs.append(np.pad(costs, (0, missing), constant_values=np.inf))
         self.terms.append(report.terms)
+        self.weights.append(report.weights)
+        self.parameters.append(report.parameters)
 
     def drop_unfinished(self) -> None:
         """Drop a tick or a plan of which an interrupt let only a part be appended."""
@@ -99,7 +110,7 @@ class Recording:
     @cached_property
     def _candidates(self) -> int:
         """Candidates of a plan that has all of them."""
-        return PlannerConfig.from_settings(self.config["planner"]).populations[-1]
+        return PlannerConfig.from_settings(self.config["episode"]["planner"]).populations[-1]
 
     @property
     def plan_digest(self) -> str:
@@ -122,7 +133,7 @@ class Recording:
         """Write atomically: a reader sees the whole file or none."""
         partial = path.with_suffix(".part.npz")
         about = {"format": FORMAT, "config": json.dumps(self.config)}
-        about["commands"] = json.dumps(self.commands)
+        about |= {name: json.dumps(getattr(self, name)) for name in _ABOUT[1:]}
         with ZipFile(partial, "w", ZIP_DEFLATED) as archive:
             for name, value in about.items():
                 with archive.open(f"{name}.npy", "w") as file:
@@ -139,13 +150,14 @@ class Recording:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != FORMAT:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
-                config = json.loads(str(file["config"]))
-                commands = json.loads(str(file["commands"])) if "commands" in file else {}
-                arrays = {n: Rows(file[n]) for n in file.files if n not in ("format", *_ABOUT)}
+                about = {name: json.loads(str(file[name])) for name in _ABOUT}
+                arrays: dict[str, Any] = {
+                    name: Rows(file[name]) for name in file.files if name not in ("format", *_ABOUT)
+                }
         except FileNotFoundError:
             raise UsageError(
                 f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz"
             ) from None
         except (BadZipFile, EOFError, KeyError, ValueError, OSError) as error:
             raise UsageError(f"{path} is not a recording of sumo-dist: {error}") from None
-        return cls(config, commands=commands, **arrays)
+        return cls(**about, **arrays)

@@ -9,9 +9,10 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     """Explain the 3D view, as Markdown."""
     planner, chosen = episode.planner, elite_count(episode.planner)
     best = "best future" if chosen == 1 else f"{chosen} best futures"
-    rest = "the object should come to rest" if "object" in task.frames else "the robot should go"
-    ways = "blue, orange line" if "object" in task.frames else "blue line"
-    whose = "robot and object" if "object" in task.frames else "the robot"
+    robot_goes = task.goal_frame == "base"
+    rest = "the robot should go" if robot_goes else f"the {task.goal_frame} should come to rest"
+    ways = "blue, orange line" if task.movers else "blue line"
+    whose = " and ".join(["robot", *task.movers]) if task.movers else "the robot"
     paths = ["the robot's base" if name == "base" else f"the {name}" for name in task.trails]
     trails = " and ".join(paths).replace("_", " ")
     goal = f"- **green target**: where {rest}\n" if task.goal else ""

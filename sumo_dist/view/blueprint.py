@@ -1,5 +1,7 @@
 """The layout of the viewer: the scene, plots beside it, what it means and what happened below."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun.blueprint as rrb
 
@@ -11,14 +13,14 @@ _BACKGROUND = (18, 20, 25)
 
 
 def layout(
-    points: np.ndarray, mover: str, distance: float | None, distributed: bool
+    points: np.ndarray, movers: Sequence[str], goal: tuple[str, float] | None, distributed: bool
 ) -> rrb.Blueprint:
     """Arrange the views.
 
     Args:
         points: (N, 3) what the eye should take in at the start, the robot first, world [m].
-        mover: what should come to the goal, "object" or "robot".
-        distance: of it to the goal at the start [m]; None if there is no goal.
+        movers: what the robot moves.
+        goal: what should come to the goal, and its distance at the start [m], if there is a goal.
         distributed: there are rollout workers to watch.
     """
     plots: list[rrb.View | rrb.Container] = [
@@ -26,8 +28,9 @@ def layout(
         _plot("terms", "Cost terms of the current plan"),
         _plot("timing", "Planning time and plan age [ms]"),
     ]
-    if distance is not None:
-        plots.insert(0, _plot("task", f"{mover.capitalize()} to goal [m]", (0.0, 1.2 * distance)))
+    if goal is not None:
+        name, distance = goal
+        plots.insert(0, _plot("task", f"{name.capitalize()} to goal [m]", (0.0, 1.2 * distance)))
     if distributed:
         pace = _plot("pace", "Rollouts per second of each worker")
         plots.append(rrb.Tabs(_plot("workers", "Rollout workers"), pace))
@@ -36,7 +39,7 @@ def layout(
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     events = rrb.TextLogView(origin="events", name="Events", columns=columns)
     left = rrb.Vertical(
-        _scene(points, mover),
+        _scene(points, movers),
         rrb.Horizontal(scene, cost, events, column_shares=[5, 3, 4]),
         row_shares=[9, 4],
     )
@@ -50,9 +53,9 @@ def layout(
     )
 
 
-def _scene(points: np.ndarray, mover: str) -> rrb.Spatial3DView:
+def _scene(points: np.ndarray, movers: Sequence[str]) -> rrb.Spatial3DView:
     eye, target = frame(points)
-    things = "Robot, object" if mover == "object" else "Robot"
+    things = ", ".join(["Robot", *movers])
     return rrb.Spatial3DView(
         origin="world",
         name=f"{things} and candidate plans",

@@ -17,7 +17,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK
-from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, eye_azimuth, goal_rings, ranked
+from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, eye_azimuth, goal_rings, ranked, way_colors
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
 
 FPS = {".mp4": 25.0, ".gif": 12.5}
@@ -37,14 +37,17 @@ class _Artist:
     def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
         """Open an offscreen renderer of (width, height) pixels."""
         self._recording = recording
-        task = load_task(recording.config["task"])
-        self._goal = task.goal
+        task = load_task(episode(recording).task)
+        self._colors = way_colors(task)
+        table = task.table
+        plans = recording.parameters or [episode(recording).cost(task).parameters]
+        self._goals = [task.goal_position(table.named(numbers)) for numbers in plans]
         self._model = compile_model(task.scene, PLANT)
         self._model.vis.quality.shadowsize = 2048  # half as sharp, for drawing without a GPU
         self._data = mujoco.MjData(self._model)
         self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])
         self._trails = _trails(task, self._model, recording.states)
-        self._lookat, self._distance = _camera_path([*self._trails.values()], task.goal)
+        self._lookat, self._distance = _camera_path([*self._trails.values()], self._goals[0])
         self._camera = mujoco.MjvCamera()
         robot = next(iter(self._trails.values()))[0]
         self._camera.azimuth = eye_azimuth(robot, self._lookat[0]) + 180.0
@@ -60,12 +63,13 @@ class _Artist:
         self._camera.lookat[:] = self._lookat[tick]
         self._camera.distance = self._distance[tick]
         self._renderer.update_scene(self._data, self._camera)
-        if self._goal is not None:
-            for ring in goal_rings(np.array(self._goal)):
+        goal = self._goals[max(0, self._plans[tick])]
+        if goal is not None:
+            for ring in goal_rings(goal):
                 self._draw_line(ring, GOAL, 3.0)
         for name, path in self._trails.items():
             ground = path[: tick + 1 : _TRAIL_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR]
-            self._draw_line(ground, TRAILS[name], 4.0)
+            self._draw_line(ground, self._colors[name], 4.0)
         if self._recording.traces and self._plans[tick] >= 0:
             self._draw_candidates(self._plans[tick])
         return self._renderer.render()
@@ -98,13 +102,10 @@ def _trails(
     """Return the ways of robot and object, (ticks, 3) [m]."""
     referee = Referee(task, model)
     views = [referee.view(state) for state in states]
-    names = [name for name in TRAILS if name in task.frames]
-    return {name: np.array([getattr(v, name).pos[0, 0] for v in views]) for name in names}
+    return {name: np.array([v[name].pos[0, 0] for v in views]) for name in way_colors(task)}
 
 
-def _camera_path(
-    paths: list[np.ndarray], goal: tuple[float, float, float] | None
-) -> tuple[np.ndarray, np.ndarray]:
+def _camera_path(paths: list[np.ndarray], goal: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Return what the camera looks at, (ticks, 3), and from how far, (ticks,) [m].
 
     It follows what moves, calmly, and keeps the goal in the picture.

@@ -3,12 +3,14 @@
 import numpy as np
 
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.tasks.task import Task
 
 Color = tuple[int, int, int]
 
 ELITE: Color = (255, 255, 255)
 GOAL: Color = (64, 224, 140)
-TRAILS: dict[str, Color] = {"base": (96, 190, 255), "object": (255, 138, 60)}  # frame -> its way
+_ROBOT: Color = (96, 190, 255)
+_OBJECTS: tuple[Color, ...] = ((255, 138, 60), (222, 184, 96), (226, 110, 140), (176, 150, 230))
 ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]
 
 _AZIMUTH = -55.0  # [deg]
@@ -30,6 +32,12 @@ _VIRIDIS = np.array(
     ],
     float,
 )
+
+
+def way_colors(task: Task) -> dict[str, Color]:
+    """Frames whose way over the floor is drawn, the robot's first, and its colour."""
+    objects = {name: _OBJECTS[i % len(_OBJECTS)] for i, name in enumerate(task.movers)}
+    return {"base": _ROBOT, **objects}
 
 
 def goal_rings(goal: np.ndarray) -> np.ndarray:

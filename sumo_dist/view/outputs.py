@@ -1,4 +1,4 @@
-"""Where a run is written: an .rrd of bounded size, a live server on this machine, or both."""
+"""Where an episode is written: an .rrd of bounded size, a live server on this machine, or both."""
 
 from collections.abc import Iterable, Sequence
 from typing import Self
@@ -19,16 +19,35 @@ _FLUSH_EVERY = 200  # writes; about a second of a live run
 _FLUSH_TIMEOUT_S = 5.0
 
 
-class Outputs:
-    """The Rerun recording of one run, sent to a file, a server or both."""
+class LiveServer:
+    """A server on 127.0.0.1 that viewers connect to and that outlives the episodes sent to it.
 
-    def __init__(self, run_id: str, file: RrdFile | None = None, port: int | None = None) -> None:
+    Attributes:
+        url: its address.
+    """
+
+    def __init__(self, port: int) -> None:
+        """Serve on a port until closed."""
+        self._stream = rr.RecordingStream(APPLICATION)
+        self.url: str = self._stream.serve_grpc(grpc_port=port, server_memory_limit=SERVER_MEMORY)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.disconnect()
+
+
+class Outputs:
+    """The Rerun recording of one episode, sent to a file, a server or both."""
+
+    def __init__(self, run_id: str, file: RrdFile | None = None, url: str | None = None) -> None:
         """Open the recording.
 
         Args:
-            run_id: names it; two sessions of the same id would be merged.
+            run_id: names it; two of the same id would be merged.
             file: what is logged is also written here; closed with the outputs.
-            port: on 127.0.0.1, for viewers to connect to.
+            url: of a server, see `LiveServer`.
         """
         self._file = file
         self._stream = rr.RecordingStream(APPLICATION, recording_id=run_id)
@@ -36,15 +55,12 @@ class Outputs:
         self._stream.set_log_tick_enabled(False)
         self._writes = 0
         self._encoded: rr.BinaryStream | None = None
-        self.url: str | None = None
         sinks: list[LogSinkLike] = []
         if file is not None:
             self._encoded = self._stream.binary_stream()
             sinks.append(self._encoded)
-        if port is not None:
-            server = rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY)
-            self.url = server.uri
-            sinks.append(server)
+        if url is not None:
+            sinks.append(rr.GrpcSink(url))
         self._stream.set_sinks(*sinks)
 
     def log(

@@ -11,15 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.referee import Referee
-from sumo_dist.errors import SumoError, UsageError, unknown
-from sumo_dist.model.scene import PLANT, compile_model
-from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.errors import SumoError, unknown
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
-from sumo_dist.tasks.task import Task
 
 FILMS = (".gif", ".jpg", ".mp4")
 STRIP = 6  # pictures in a strip
@@ -29,17 +25,7 @@ CANDIDATES_LIMIT = 60_000_000  # [bytes]
 
 def episode(recording: Recording) -> EpisodeConfig:
     """Return what decided a recorded episode."""
-    config = recording.config
-    try:
-        return EpisodeConfig(
-            task=config["task"],
-            seed=config["seed"],
-            planner=PlannerConfig(**config["planner"]),
-            clock=config["clock"],
-            estimator=config["estimator"],
-        )
-    except (KeyError, TypeError) as error:
-        raise UsageError(f"the recording's config lacks or has unknown fields: {error}") from None
+    return EpisodeConfig.of(recording.config.get("episode"))
 
 
 def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_LIMIT) -> None:
@@ -70,17 +56,11 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
             logger.log_plan(report)
             if i % stride == 0 and recording.traces:
                 logger.log_candidates(report.plan.tick, recording.costs[i], recording.traces[i])
-        logger.log_event(len(recording.states) - 1, "info", _ending(recording, task))
+        ending = f"the run has ended: {recording.ending}" if recording.ending else "it ends here"
+        logger.log_event(len(recording.states) - 1, "info", ending)
         logger.flush()
     if troubles:
         raise SumoError(troubles[0])
-
-
-def _ending(recording: Recording, task: Task) -> str:
-    """Say how a recorded run ended; a recording holds what happened, not the verdict."""
-    referee = Referee(task, compile_model(task.scene, PLANT))
-    verdicts = [referee.verdict(tick, state) for tick, state in enumerate(recording.states)]
-    return f"the run has ended: {verdicts[-1]}" if verdicts[-1] else "the recording ends here"
 
 
 def reports(recording: Recording) -> Iterator[PlanReport]:
@@ -100,6 +80,8 @@ def reports(recording: Recording) -> Iterator[PlanReport]:
             costs=np.where(finite, recording.costs[i], 0.0),
             finite=finite,
             terms=recording.terms[i],
+            weights=recording.weights[i],
+            parameters=recording.parameters[i],
             plan_ms=float(recording.plan_ms[i]),
             own_ms=0.0,
             age_ticks=int(recording.age_ticks[i]),

@@ -12,10 +12,10 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import TICK
+from sumo_dist.timing import PLAN_PERIOD, TICK
 from sumo_dist.view import about
 from sumo_dist.view.blueprint import layout
-from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, TRAILS, Color, goal_rings, ranked
+from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, Color, goal_rings, ranked, way_colors
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.scene import SceneLog
 
@@ -23,7 +23,6 @@ Level = Literal["info", "warning", "error"]
 
 CHUNK_TICKS = 5  # states sent at a time: a quarter of the cost of one by one
 TRAIL_POINTS = 600  # of an executed trail, one a chunk: the last minute
-PERIOD_MS = 50.0  # robot time between plans
 
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 _SERIES: tuple[Color, ...] = (  # colours of plots, legible on dark and on light
@@ -51,15 +50,15 @@ class RunLogger:
             distributed: there are rollout workers to watch.
         """
         self._out, self._task, self._distributed = out, task, distributed
-        self._goal = None if task.goal is None else np.array(task.goal)
+        self._parameters = episode.cost(task).parameters
+        self._goal = task.goal_position(task.table.named(self._parameters))
         self._planner = episode.planner
         self._model = compile_model(task.scene, PLANT)
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
-        self._trails = {
-            name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in TRAILS if name in task.frames
-        }
-        self._mover = "object" if "object" in task.frames else "base"  # what has the goal
+        self._colors = way_colors(task)
+        self._trails = {name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in self._colors}
+        self._mover = "robot" if task.goal_frame == "base" else task.goal_frame  # has the goal
         self._ticks: list[int] = []
         self._distances: list[float] = []
         self._arranged = False
@@ -67,7 +66,7 @@ class RunLogger:
         self._log_text("about/scene", about.scene(task, episode))
         self._log_text("about/cost", about.cost(task))
         if self._goal is not None:
-            self._log_goal(self._goal)
+            self._log_goal(self._goal, tick=0)
         self._name_plots()
 
     def log_state(self, tick: int, state: np.ndarray) -> None:
@@ -76,17 +75,18 @@ class RunLogger:
         mujoco.mj_kinematics(self._model, self._data)
         self._scene.add(tick, self._data)
         self._ticks.append(tick)
-        if self._goal is not None and self._mover in self._trails:
-            to_goal = self._position(self._mover) - self._goal
+        if self._goal is not None:
+            to_goal = self._position(self._task.goal_frame) - self._goal
             self._distances.append(float(np.linalg.norm(to_goal)))
         if not self._arranged:
             self._arrange()
         if len(self._ticks) == CHUNK_TICKS:
             self._send_chunk()
 
-    def log_plan(self, report: PlanReport, budget_ms: float = PERIOD_MS) -> None:
+    def log_plan(self, report: PlanReport, budget_ms: float = PLAN_PERIOD * 1e3) -> None:
         """Log a plan's costs and timing at its tick; `budget_ms` is the wall time it may take."""
         tick = report.plan.tick
+        self._follow_goal(tick, report.parameters)
         finite = report.costs[report.finite]
         current = report.costs[0] if report.finite[0] else np.nan
         best, mean = (finite.min(), finite.mean()) if len(finite) else (np.nan, np.nan)
@@ -159,7 +159,7 @@ class RunLogger:
         for name, trail in self._trails.items():
             trail.append(np.append(self._position(name)[:2], ON_FLOOR))
             strip = rr.LineStrips3D(
-                [np.array(trail)], colors=[TRAILS[name]], radii=rr.Radius.ui_points(2.0)
+                [np.array(trail)], colors=[self._colors[name]], radii=rr.Radius.ui_points(2.0)
             )
             self._out.log(f"world/trail/{name}", strip, tick=self._ticks[-1])
         self._ticks, self._distances = [], []
@@ -169,9 +169,8 @@ class RunLogger:
         points = [self._position(name) for name in self._trails]
         if self._goal is not None:
             points.append(self._goal)
-        distance = self._distances[0] if self._distances else None
-        mover = "robot" if self._mover == "base" else self._mover
-        self._out.arrange(layout(np.array(points), mover, distance, self._distributed))
+        goal = (self._mover, self._distances[0]) if self._distances else None
+        self._out.arrange(layout(np.array(points), self._task.movers, goal, self._distributed))
         self._arranged = True
 
     def _position(self, name: str) -> np.ndarray:
@@ -187,7 +186,7 @@ class RunLogger:
 
     def _name_plots(self) -> None:
         for plot, names in {
-            "task": [f"{'robot' if self._mover == 'base' else self._mover} to goal"],
+            "task": [f"{self._mover} to goal"],
             "cost": ["current plan", "best candidate", "mean of all"],
             "terms": [term.name for term in self._task.cost],
             "timing": ["planning time", "budget", "age of the plan's state"],
@@ -198,9 +197,18 @@ class RunLogger:
             lines = rr.SeriesLines(names=names, colors=shades[: len(names)])
             self._out.log(f"plots/{plot}", lines)
 
-    def _log_goal(self, goal: np.ndarray) -> None:
+    def _follow_goal(self, tick: int, parameters: np.ndarray) -> None:
+        """Draw the goal where the parameters of a plan have it."""
+        if np.array_equal(parameters, self._parameters):
+            return
+        self._parameters = parameters
+        self._goal = self._task.goal_position(self._task.table.named(parameters))
+        if self._goal is not None:
+            self._log_goal(self._goal, tick)
+
+    def _log_goal(self, goal: np.ndarray, tick: int) -> None:
         """Draw the goal, and rings on the floor below it."""
         rings = rr.LineStrips3D(goal_rings(goal), colors=[GOAL], radii=rr.Radius.ui_points(2.0))
-        self._out.log("world/goal/rings", rings)
+        self._out.log("world/goal/rings", rings, tick=tick)
         point = rr.Points3D([goal], colors=[GOAL], radii=[0.04], labels=["goal"])
-        self._out.log("world/goal/point", point)
+        self._out.log("world/goal/point", point, tick=tick)

@@ -14,12 +14,12 @@ Tell = Callable[[Level, str], None]
 _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
-def teller(bus: Bus, run: str, source: str) -> Tell:
-    """Return the function by which a service speaks to its users during a run."""
+def teller(bus: Bus, source: str) -> Tell:
+    """Return the function by which a service speaks to its users."""
     log = logging.getLogger(f"sumo_dist.{source}")
 
     def tell(level: Level, text: str) -> None:
         log.log(_LEVELS[level], text)
-        bus.publish(Event(run, source, level, text))
+        bus.publish(Event(bus.run or "", source, level, text))
 
     return tell

@@ -1,4 +1,4 @@
-"""A service's pulse: a few times a second it says how it is, to whoever watches."""
+"""A service's heartbeat: a few times a second it says how it is, to whoever watches."""
 
 import threading
 from collections.abc import Callable, Mapping
@@ -15,12 +15,21 @@ Probe = Callable[[], tuple[str, Counters]]
 """-> one word for what the service does, and its counters by name"""
 
 
-class Pulse:
+class Heartbeat:
     """Publishes a service's health until it is left. The messages it dropped are counted along."""
 
-    def __init__(self, bus: Bus, run: str, source: str, probe: Probe) -> None:
-        """Speak for a service; the probe is called on a thread of its own."""
-        self._bus, self._run, self._source, self._probe = bus, run, source, probe
+    def __init__(
+        self, bus: Bus, source: str, probe: Probe, more: Callable[[], None] = lambda: None
+    ) -> None:
+        """Speak for a service.
+
+        Args:
+            bus: its bus.
+            source: its name.
+            probe: says how it is; called on a thread of its own.
+            more: publishes what else it tells each time, on the same thread.
+        """
+        self._bus, self._source, self._probe, self._more = bus, source, probe, more
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._beat, daemon=True)
 
@@ -40,6 +49,8 @@ class Pulse:
             mode, counters = self._probe()
             dropped = {f"dropped {reason}": n for reason, n in dict(self._bus.rejected).items()}
             try:
-                self._bus.publish(Health(self._run, self._source, mode, {**counters, **dropped}))
+                run = self._bus.run or ""
+                self._bus.publish(Health(run, self._source, mode, {**counters, **dropped}))
+                self._more()
             except SumoError:  # the bus is being closed
                 return

@@ -5,17 +5,19 @@ Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`. The prefix of l
 builds see each other and can say so.
 """
 
+import os
 import re
+import socket
 from dataclasses import dataclass
 from urllib.parse import quote, unquote
 
 from sumo_dist.errors import UsageError
 
-SCHEMA = 2  # raise it with every change of a message's fields or of their meaning
+SCHEMA = 3  # raise it with every change of a message's fields or of their meaning
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
-BY_HAND = "by-hand"  # run id of services that are started one by one
+BY_HAND = "by-hand"  # names the folder of runs whose services are started one by one
 
 
 @dataclass(frozen=True, order=True)
@@ -33,6 +35,12 @@ class Member:
     id: str
     schema: int
     build: str
+
+
+def unique_name() -> str:
+    """Return a name that no other process on any host has."""
+    host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()).strip("-")[:40]
+    return f"{host or 'host'}-{os.getpid()}"
 
 
 def checked_name(kind: str, name: str) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from sumo_dist.episode.command import Command, Verb
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.keys import NAME_PATTERN
@@ -16,6 +17,7 @@ from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
 
 Count = Annotated[int, Int(0, 2**53)]
 Milliseconds = Annotated[float, Float(0.0)]
+Speed = Annotated[float, Float(0.0, 100.0)]
 Name = Annotated[str, Text(NAME_PATTERN)]
 
 WirePlan = Annotated[
@@ -56,8 +58,25 @@ class Message:
 
 
 @dataclass(frozen=True, eq=False)
+class EpisodeInfo(Message):
+    """robot -> all: the episode that it is in, which they take up. Heard whatever the run.
+
+    Attributes:
+        config: the EpisodeConfig, as JSON.
+        task_hash: of the task that the robot has loaded.
+        number: of the episode within the robot's session, from 1 on.
+    """
+
+    topic: ClassVar[str] = "episode"
+    any_run: ClassVar[bool] = True
+    config: Annotated[str, Text(longest=20_000)]
+    task_hash: Annotated[str, Text(longest=64)]
+    number: Count
+
+
+@dataclass(frozen=True, eq=False)
 class Sensors(Message):
-    """robot_interface -> state_estimator: what the sensors saw up to a tick.
+    """robot -> estimator: what the sensors saw up to a tick.
 
     Attributes:
         tick: policy tick.
@@ -67,6 +86,7 @@ class Sensors(Message):
     """
 
     topic: ClassVar[str] = "sensors"
+    any_run: ClassVar[bool] = True  # the estimator may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
     truth: Annotated[np.ndarray, Array("f8", "n", empty=True)]
@@ -78,7 +98,7 @@ class Sensors(Message):
 
 @dataclass(frozen=True, eq=False)
 class State(Message):
-    """state_estimator -> all: the estimated state before a tick's policy evaluation.
+    """estimator -> all: the estimated state before a tick's policy evaluation.
 
     Attributes:
         tick: policy tick.
@@ -92,36 +112,46 @@ class State(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class Status(Message):
-    """robot_interface -> optimizer, tracer: where the robot's controller stands at a tick.
+class Question(Message):
+    """robot -> optimizer, tracer: everything that a plan depends on.
 
     Attributes:
-        tick: policy tick.
-        memory: (nm,) policy memory before that tick's evaluation.
-        wanted: number of the plan that the robot waits for at this tick; -1 for none.
+        number: of the plan that the robot waits for; -1 if it waits for none, in realtime.
+        tick: policy tick of the state.
         clock: "lockstep", "realtime", or "calibrate" while the speed is being measured.
-        speed: robot time per wall time that a realtime run asks for.
+        speed: robot time per wall time that a realtime run asks for; 0 where it wants no plan.
+        state: (nq + nv,) that the robot acts on at that tick.
+        memory: (nm,) policy memory before that tick's evaluation.
         followed: the plan that is being followed, None at the start.
+        weights: (n_terms,) of the cost.
+        parameters: (n,) of the task.
+        settings: fields of the PlannerConfig.
     """
 
-    topic: ClassVar[str] = "status"
+    topic: ClassVar[str] = "question"
+    any_run: ClassVar[bool] = True  # the optimizer may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
+    number: Annotated[int, Int(-1, 2**53)]
     tick: Count
-    memory: Annotated[np.ndarray, Array("f4", "nm", empty=True)]
-    wanted: Annotated[int, Int(-1, 2**53)]
     clock: Literal["lockstep", "realtime", "calibrate"]
-    speed: Annotated[float, Float(0.0)]
+    speed: Speed
+    state: Annotated[np.ndarray, Array("f8", "state")]
+    memory: Annotated[np.ndarray, Array("f4", "nm", empty=True)]
     followed: WirePlan | None
+    weights: Annotated[np.ndarray, Array("f8", "n_terms")]
+    parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
+    settings: Annotated[dict[str, int | float | str], Settings()]
 
 
 @dataclass(frozen=True, eq=False)
 class PlanMessage(Message):
-    """optimizer -> robot_interface, tracer: a plan and how it came about.
+    """optimizer -> robot, tracer: a plan and how it came about.
 
     Attributes:
         plan: the plan.
         costs, finite: (B,) candidates' total costs; where not finite (lost, diverged), cost 0.
-        terms: (n_terms,) weighted costs of the unperturbed candidate; empty where it was lost.
+        terms: (n_terms,) weighted costs of the unperturbed candidate.
+        weights, parameters: that the plan was made with.
         plan_ms: wall time from the state's arrival to the plan [ms].
         own_ms: the optimizer's own part of it [ms].
         age_ticks: ticks of robot time between the plan's state and its publication.
@@ -134,7 +164,9 @@ class PlanMessage(Message):
     plan: WirePlan
     costs: Annotated[np.ndarray, Array("f8", "B")]
     finite: Annotated[np.ndarray, Array("b1", "B")]
-    terms: Annotated[np.ndarray, Array("f8", "n_terms", empty=True)]
+    terms: Annotated[np.ndarray, Array("f8", "n_terms")]
+    weights: Annotated[np.ndarray, Array("f8", "n_terms")]
+    parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     plan_ms: Milliseconds
     own_ms: Milliseconds
     age_ticks: Count
@@ -173,6 +205,7 @@ class RolloutRequest(Message):
         settings: fields of the PlannerConfig.
         state: (nq + nv,) the rollouts start from.
         memory: (nm,) policy memory of the same instant.
+        parameters: (n,) of the task.
         knots: (b, K, n) normalised actions.
         reply_budget_ms: after which the reply is of no use [ms]; 0 for never.
     """
@@ -191,6 +224,7 @@ class RolloutRequest(Message):
     settings: Annotated[dict[str, int | float | str], Settings()]
     state: Annotated[np.ndarray, Array("f8", "state")]
     memory: Annotated[np.ndarray, Array("f4", "nm", empty=True)]
+    parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     knots: Annotated[np.ndarray, Array("f4", "b", "K", "n")]
     reply_budget_ms: Milliseconds
 
@@ -201,7 +235,7 @@ class RolloutReply(Message):
 
     Attributes:
         worker, number, iteration, shard, start: of the request.
-        terms: (b, n_terms) weighted costs; rows that are not valid are zeros.
+        terms: (b, n_terms) reduced residuals, unweighted; rows that are not valid are zeros.
         valid: (b,) the rollout and its costs are finite.
         compute_ms: wall time of the rollouts [ms].
         refusal: why nothing was rolled out (terms and valid are empty); "" if it was.
@@ -254,25 +288,28 @@ class Event(Message):
     topic: ClassVar[str] = "events"
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
     source: Name
     level: Literal["info", "warning", "error"]
     text: str
 
 
 @dataclass(frozen=True, eq=False)
-class RunEnd(Message):
-    """robot_interface -> all: the run is over.
+class EpisodeEnd(Message):
+    """robot -> all: the episode is over.
 
     Attributes:
         tick: last policy tick.
         reason: "success", "timeout", "fell", ...
         success: the task was achieved.
+        last: no other episode follows.
     """
 
     topic: ClassVar[str] = "end"
     tick: Count
     reason: str
     success: bool
+    last: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,8 +320,7 @@ class TrialRequest(Message):
         worker: who is asked.
         number: of the question, counted over the campaign's run.
         variant: of the trial: planned, or standing.
-        episode: fields of the EpisodeConfig, without the planner and what is None.
-        planner: fields of its PlannerConfig.
+        episode: the EpisodeConfig, as JSON.
     """
 
     topic: ClassVar[str] = "trial"
@@ -293,8 +329,7 @@ class TrialRequest(Message):
     worker: Name
     number: Count
     variant: Name
-    episode: Annotated[dict[str, int | float | str], Settings()]
-    planner: Annotated[dict[str, int | float | str], Settings()]
+    episode: Annotated[str, Text(longest=20_000)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,20 +352,67 @@ class TrialReply(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class Order(Message):
-    """A person -> robot_interface: stop at once, or go on. Heard whatever the run.
+class CommandMessage(Message):
+    """An operator -> robot: what it is told while it works; see `Command`. Heard whatever the run.
 
     Attributes:
-        source: who gives it.
-        action: "stop" makes the robot sit down; only "resume" makes it go on.
-        reason: for the people who ask later.
+        number, sender, verb, name, value: of the command.
     """
 
-    topic: ClassVar[str] = "orders"
+    topic: ClassVar[str] = "command"
     any_run: ClassVar[bool] = True
-    source: Name
-    action: Literal["stop", "resume"]
-    reason: Annotated[str, Text(longest=200)]
+    number: Count
+    sender: Name
+    verb: Verb
+    name: Annotated[str, Text(longest=500)]
+    value: Annotated[str, Text(longest=500)]
+
+    @property
+    def command(self) -> Command:
+        """The command."""
+        return Command(self.number, self.sender, self.verb, self.name, self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class Ack(Message):
+    """robot -> an operator: a command was carried out, or why not. Heard whatever the run.
+
+    Attributes:
+        number, sender: of the command.
+        tick: at which it was carried out or refused.
+        refusal: why it was not; "" if it was.
+    """
+
+    topic: ClassVar[str] = "ack"
+    addressed_by: ClassVar[str | None] = "sender"
+    any_run: ClassVar[bool] = True
+    number: Count
+    sender: Name
+    tick: Count
+    refusal: Annotated[str, Text(longest=1000)]
+
+
+@dataclass(frozen=True, eq=False)
+class WorkerHealth(Message):
+    """optimizer -> whoever watches: one of its workers, a few times a second.
+
+    Attributes:
+        worker: its name.
+        state: "answers", or why it is not asked.
+        rollouts_per_s: that can be counted on.
+        lost: rollouts it was asked for and did not answer in time.
+        silent_s: since its last answer [s]; -1 if there was none.
+    """
+
+    topic: ClassVar[str] = "worker-health"
+    addressed_by: ClassVar[str | None] = "worker"
+    background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
+    worker: Name
+    state: Annotated[str, Text(longest=200)]
+    rollouts_per_s: Annotated[float, Float(0.0)]
+    lost: Count
+    silent_s: Annotated[float, Float(-1.0)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,49 +2,24 @@
 
 import numpy as np
 
-from sumo_dist.costs.terms import CostTerm, norm
+from sumo_dist.costs.parameters import Parameter
+from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
-from sumo_dist.tasks.g1.terms import (
-    FALL,
-    ROBOT_FRAMES,
-    WORKSPACE,
-    NearReset,
-    heading,
-    regularisation,
-    scene,
-)
-from sumo_dist.tasks.task import Task
+from sumo_dist.tasks import terms
+from sumo_dist.tasks.g1.terms import FALL, PALMS, WORKSPACE, at, heading, regularisation, scene
+from sumo_dist.tasks.reset import Reset
+from sumo_dist.tasks.task import Goal, Task
 
-GOAL = (2.0, 0.0, 0.76)  # of the pelvis [m]
+PELVIS_HEIGHT = 0.76  # of the goal [m]
 SUCCESS_DISTANCE = 0.3  # released code: of the pelvis from the goal on the floor [m]
-
-
-def to_goal(r: View) -> np.ndarray:
-    """Distance of the pelvis from the goal, (B, T) [m]."""
-    return norm(r.base.pos - np.array(GOAL))
-
-
-def hand_to_handle(r: View) -> np.ndarray:
-    """Distance of the right palm from the handle, (B, T) [m]."""
-    return norm(r.right_palm.pos - r.handle.pos)
-
-
-def apart(r: View) -> np.ndarray:
-    """Distance of the pelvis from the door's centre, (B, T) [m]."""
-    return norm(r.base.pos - r.door.pos)
 
 
 def solved(r: View) -> np.ndarray:
     """Whether the pelvis is at the goal, (B, T)."""
-    return norm(r.base.pos[..., :2] - np.array(GOAL[:2])) < SUCCESS_DISTANCE
-
-
-def left(r: View) -> np.ndarray:
-    """Whether the robot is outside the workspace, (B, T)."""
-    return norm(r.base.pos) > WORKSPACE
+    return terms.goal_distance("base")(r) < r.p.success_distance
 
 
 def door_open() -> Task:
@@ -61,21 +36,25 @@ def door_open() -> Task:
         scene=scene(fixtures=(SceneObject("door", "fixtures/door.xml"),)),
         actions=actions,
         frames={
-            **ROBOT_FRAMES,
+            **PALMS,
             "handle": FrameRef("site", "door/handle"),
             "door": FrameRef("site", "door/centre"),
         },
         cost=(
-            CostTerm("goal", to_goal, 30.0),
-            CostTerm("handle", hand_to_handle, 5.0),
-            CostTerm("pelvis", apart, -0.1),
+            CostTerm("goal", terms.goal_distance("base", PELVIS_HEIGHT), 30.0),
+            CostTerm("handle", terms.distance("right_palm", "handle"), 5.0),
+            CostTerm("pelvis", terms.distance("base", "door"), -0.1),
             CostTerm("heading", heading, -50.0),
             regularisation(actions),
             FALL,
         ),
-        reset=NearReset((0.0, 0.0), {}),
+        parameters=(
+            Parameter("goal", (2.0, 0.0), "m", (-WORKSPACE, WORKSPACE)),
+            Parameter("success_distance", SUCCESS_DISTANCE, "m", (0.0, 1.0)),
+        ),
+        reset=Reset(at(0.0, 0.0)),
         success=solved,
-        failure={"left the workspace": left},
-        goal=GOAL,
+        failure={"left the workspace": terms.outside(WORKSPACE, "base")},
+        goal=Goal("base", PELVIS_HEIGHT),
         trails=("base", "right_palm"),
     )

@@ -6,26 +6,20 @@ from functools import partial
 
 import numpy as np
 
+from sumo_dist.costs.parameters import Parameter
 from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
-from sumo_dist.tasks.g1.terms import (
-    FALL,
-    ROBOT_FRAMES,
-    WORKSPACE,
-    NearReset,
-    heading,
-    regularisation,
-    scene,
-)
-from sumo_dist.tasks.task import Task
+from sumo_dist.tasks import terms
+from sumo_dist.tasks.g1.terms import FALL, PALMS, WORKSPACE, at, heading, regularisation, scene
+from sumo_dist.tasks.reset import OnFloor, Reset
+from sumo_dist.tasks.task import Goal, Task
 
 SUCCESS_DISTANCE = 0.3  # released code: on each axis [m]
 SUCCESS_SPEED = 0.1  # released code [m/s]
 SUCCESS_HOLD = 0.5  # ours: pushed in steps, an object is slow for an instant on its way [s]
-TIPPED = np.pi / 4  # beyond this tilt an object does not come back by itself [rad]
 ROBOT_START = (-2.0, 0.0)  # [m]
 OBJECT_START = (-1.0, 0.0)  # [m]
 
@@ -53,11 +47,6 @@ class Load:
     velocity_weight: float = 0.0
 
 
-def to_goal(r: View) -> np.ndarray:
-    """Distance of the object from the goal on the floor, (B, T) [m]."""
-    return norm(r.object.pos[..., :2])
-
-
 def lean(r: View) -> np.ndarray:
     """How far the object is from upright, |1 - z_obj . z|, (B, T)."""
     return np.abs(1.0 - r.object.z[..., 2])
@@ -68,34 +57,19 @@ def palm(r: View) -> np.ndarray:
     return np.minimum(norm(r.left_palm.pos - r.aim.pos), norm(r.right_palm.pos - r.aim.pos))
 
 
-def apart(r: View) -> np.ndarray:
-    """Distance of the pelvis from the object, (B, T) [m]."""
-    return norm(r.base.pos - r.object.pos)
-
-
 def speed2(r: View) -> np.ndarray:
     """Squared speed of the object, (B, T) [m^2/s^2]."""
     return norm(r.object.linvel) ** 2
 
 
 def solved(r: View) -> np.ndarray:
-    """Whether the object is at its goal and slow, (B, T)."""
-    away = np.maximum(np.abs(r.object.pos[..., 0]), np.abs(r.object.pos[..., 1]))
-    return (away < SUCCESS_DISTANCE) & (norm(r.object.linvel) < SUCCESS_SPEED)
-
-
-def tipped(r: View) -> np.ndarray:
-    """Whether the object lies, (B, T)."""
-    return r.object.z[..., 2] < np.cos(TIPPED)
-
-
-def left(r: View) -> np.ndarray:
-    """Whether robot or object are outside the workspace, (B, T)."""
-    return (norm(r.object.pos) > WORKSPACE) | (norm(r.base.pos) > WORKSPACE)
+    """Whether the object is at its goal, on both axes, and slow, (B, T)."""
+    away = np.abs(r.object.pos[..., :2] - r.p.goal).max(axis=-1)
+    return (away < r.p.success_distance) & (norm(r.object.linvel) < r.p.success_speed)
 
 
 def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
-    """G1 pushes an object to the origin with base and arms.
+    """G1 pushes an object to its goal with base and arms; the goal is the origin by default.
 
     Cost (paper's appendix): w_goal ||xy_obj - goal|| + 15 |1 - z_obj . z| + 10 min ||p_palm -
     p_obj|| - 0.1 ||p_pelvis - p_obj|| - w_head x_robot . x + w_vel ||v_obj||^2 + 3 (||v_base|| +
@@ -109,27 +83,35 @@ def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
         arms: that are sampled; the others are the policy's.
     """
     actions = g1_actions(arms)
-    terms = [
-        CostTerm("goal", to_goal, load.goal_weight),
+    cost = [
+        CostTerm("goal", terms.goal_distance("object"), load.goal_weight),
         CostTerm("upright", lean, 15.0),
         CostTerm("palm", palm, 10.0),
-        CostTerm("pelvis", apart, -0.1),
+        CostTerm("pelvis", terms.distance("base", "object"), -0.1),
     ]
     if load.heading_weight:
-        terms.append(CostTerm("heading", heading, -load.heading_weight))
+        cost.append(CostTerm("heading", heading, -load.heading_weight))
     if load.velocity_weight:
-        terms.append(CostTerm("velocity", speed2, load.velocity_weight))
+        cost.append(CostTerm("velocity", speed2, load.velocity_weight))
     return Task(
         name=f"g1/{load.name}_push",
         scene=scene((SceneObject(load.name, load.mjcf),)),
         actions=actions,
-        frames={**ROBOT_FRAMES, "object": FrameRef("body", load.name), "aim": load.aim},
-        cost=(*terms, regularisation(actions), FALL),
-        reset=NearReset(ROBOT_START, {load.name: (*OBJECT_START, load.rest_z)}),
+        frames={**PALMS, "object": FrameRef("body", load.name), "aim": load.aim},
+        cost=(*cost, regularisation(actions), FALL),
+        parameters=(
+            Parameter("goal", (0.0, 0.0), "m", (-WORKSPACE, WORKSPACE)),
+            Parameter("success_distance", SUCCESS_DISTANCE, "m", (0.0, 1.0)),
+            Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
+        ),
+        reset=Reset(at(*ROBOT_START), (OnFloor(load.name, at(*OBJECT_START), load.rest_z),)),
         success=solved,
         success_hold=SUCCESS_HOLD,
-        failure={"tipped": tipped, "left the workspace": left},
-        goal=(0.0, 0.0, load.rest_z),
+        failure={
+            "tipped": terms.tipped("object"),
+            "left the workspace": terms.outside(WORKSPACE, "object", "base"),
+        },
+        goal=Goal("object", load.rest_z),
         trails=("base", "object"),
     )
 

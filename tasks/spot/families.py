@@ -5,21 +5,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sumo_dist.costs.terms import CostTerm, fallen, norm
+from sumo_dist.costs.parameters import Parameter
+from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
-from sumo_dist.tasks.reset import MoveReset, Ring, RobotDraw, UprightReset
-from sumo_dist.tasks.task import Predicate, Task
+from sumo_dist.tasks import terms
+from sumo_dist.tasks.reset import Dropped, FloorDraw, OnFloor, Reset, Ring
+from sumo_dist.tasks.task import Goal, Task
+from sumo_dist.tasks.terms import FALL_WEIGHT, TIPPED, Predicate
 
 SUCCESS_RADIUS = 0.1  # paper: object to goal [m]
 SUCCESS_SPEED = 0.05  # paper: object's speed [m/s]
 SUCCESS_TILT = 0.1  # paper: from upright [rad]
 SUCCESS_SPIN = 0.05  # paper: object's angular speed [rad/s]
-TIPPED = np.pi / 4  # beyond this tilt an object does not come back by itself [rad]
 WORKSPACE = 8.0  # what is farther from the origin cannot be fetched within an episode [m]
+CLEARANCE = 1.0  # robot to object at the start of a move, centre to centre [m]
+AWAY = 0.5  # object to goal at the start of a move, so that none starts nearly solved [m]
 NEAR = Ring(inner=1.0, outer=2.0, spread=0.1)  # where objects start unless a task says otherwise
+LEFT: dict[str, Predicate] = {"left the workspace": terms.outside(WORKSPACE, "object", "base")}
 
 
 @dataclass(frozen=True)
@@ -68,10 +73,9 @@ class Manipuland:
 
     @property
     def frames(self) -> dict[str, FrameRef]:
-        """The frames that both families' functions see."""
+        """The frames that both families' residuals see."""
         body = FrameRef("body", self.name)
         return {
-            "base": FrameRef("body", SPOT.base),
             "gripper": FrameRef("site", "site_arm_link_fngr"),
             "object": body,
             "aim": self.aim or body,
@@ -93,33 +97,30 @@ def at_origin(_rng: np.random.Generator) -> tuple[np.ndarray, float]:
     return np.zeros(2), 0.0
 
 
-def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -> Task:
-    """Spot moves an object to the origin with base and arm.
+def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NEAR) -> Task:
+    """Spot moves an object to its goal with base and arm; the goal is the origin by default.
 
     Cost (paper): 60 ||p_obj - p_goal|| + 4 ||p_grip - p_obj|| + 20 ||v_obj||, averaged over the
     rollout, and 2500 if the robot falls. The velocity term is the square of the mean speed, as
-    released: the linear form makes the robot timid. Ours is the term of an object that has tipped:
-    50 times the share of the rollout for which it has, so that setting it up again pays
-    (docs/decisions/0003).
+    released: the linear form makes the robot timid (docs/decisions/0003). Ours is the term of an
+    object that has tipped: 50 times the share of the rollout for which it has, so that setting it
+    up again pays (docs/decisions/0006).
 
     Args:
         thing: the object.
         robot: draws where the robot starts.
-        ring: where the object starts.
+        ring: draws where the object starts.
     """
-    goal = (0.0, 0.0, thing.rest_z)
-
-    def to_goal(r: View) -> np.ndarray:
-        return norm(r.object.pos - np.array(goal))
-
-    def speed(r: View) -> np.ndarray:
-        return norm(r.object.linvel)
+    to_goal, speed = terms.goal_distance("object", thing.rest_z), terms.speed("object")
 
     def solved(r: View) -> np.ndarray:
-        return (to_goal(r) < SUCCESS_RADIUS) & (speed(r) < SUCCESS_SPEED)
+        return (to_goal(r) < r.p.success_radius) & (speed(r) < r.p.success_speed)
 
     def tipped(r: View) -> np.ndarray:
         return thing.standing.off(r) > thing.standing.at(TIPPED)
+
+    def near_goal(r: View) -> np.ndarray:
+        return terms.goal_distance("object")(r) <= AWAY
 
     may_tip = not thing.any_side
     failure: dict[str, Predicate] = {"tipped": tipped} if may_tip else {}
@@ -130,20 +131,25 @@ def move(thing: Manipuland, robot: RobotDraw = near_origin, ring: Ring = NEAR) -
         frames=thing.frames,
         cost=(
             CostTerm("goal", to_goal, 60.0),
-            CostTerm("gripper", gripper_to_aim, 4.0),
+            CostTerm("gripper", terms.distance("gripper", "aim"), 4.0),
             CostTerm("velocity", speed, 20.0, "squared_mean"),
             *((CostTerm("tipped", tipped, 50.0, "share"),) if may_tip else ()),
-            CostTerm("fall", robot_down, 2500.0, "any"),
+            CostTerm("fall", terms.lies(SPOT), FALL_WEIGHT, "any"),
         ),
-        reset=MoveReset(thing.name, goal, robot, ring),
+        parameters=(
+            Parameter("goal", (0.0, 0.0), "m", (-WORKSPACE, WORKSPACE)),
+            Parameter("success_radius", SUCCESS_RADIUS, "m", (0.0, 1.0)),
+            Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
+        ),
+        reset=Reset(robot, (OnFloor(thing.name, ring, thing.rest_z),), CLEARANCE, near_goal),
         success=solved,
         success_hold=0.5 if thing.rolls else 0.0,
-        failure={**failure, "left the workspace": left},
-        goal=goal,
+        failure={**failure, **LEFT},
+        goal=Goal("object", thing.rest_z),
     )
 
 
-def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) -> Task:
+def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = NEAR) -> Task:
     """Spot sets an object upright with base and arm, wherever it ends up standing.
 
     Cost (paper): 100 (1 - z_obj . z) + 0.5 ||p_grip - p_obj||, averaged over the rollout, and 2500
@@ -153,14 +159,12 @@ def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) 
     Args:
         thing: the object.
         robot: draws where the robot starts.
-        ring: above where the object is dropped before the start.
+        ring: draws the place above which the object is dropped before the start.
     """
-    standing = thing.standing
+    standing, spin = thing.standing, terms.spin("object")
 
     def solved(r: View) -> np.ndarray:
-        return (standing.off(r) <= standing.at(SUCCESS_TILT)) & (
-            norm(r.object.angvel) < SUCCESS_SPIN
-        )
+        return (standing.off(r) <= standing.at(r.p.success_tilt)) & (spin(r) < r.p.success_spin)
 
     return Task(
         name=f"spot/upright_{thing.name}",
@@ -169,25 +173,14 @@ def upright(thing: Manipuland, robot: RobotDraw = at_origin, ring: Ring = NEAR) 
         frames=thing.frames,
         cost=(
             CostTerm("upright", standing.off, 100.0),
-            CostTerm("gripper", gripper_to_aim, 0.5),
-            CostTerm("fall", robot_down, 2500.0, "any"),
+            CostTerm("gripper", terms.distance("gripper", "aim"), 0.5),
+            CostTerm("fall", terms.lies(SPOT), FALL_WEIGHT, "any"),
         ),
-        reset=UprightReset(thing.name, thing.frames, solved, robot, ring),
+        parameters=(
+            Parameter("success_tilt", SUCCESS_TILT, "rad", (0.0, np.pi / 4)),
+            Parameter("success_spin", SUCCESS_SPIN, "rad/s", (0.0, 1.0)),
+        ),
+        reset=Reset(robot, (Dropped(thing.name, ring),), solved=solved),
         success=solved,
-        failure={"left the workspace": left},
+        failure=LEFT,
     )
-
-
-def gripper_to_aim(r: View) -> np.ndarray:
-    """Distance of the gripper from the point it is drawn to, (B, T) [m]."""
-    return norm(r.gripper.pos - r.aim.pos)
-
-
-def robot_down(r: View) -> np.ndarray:
-    """Whether the robot lies on the floor, (B, T)."""
-    return fallen(r.base, SPOT.fall_height)
-
-
-def left(r: View) -> np.ndarray:
-    """Whether robot or object are outside the workspace, (B, T)."""
-    return (norm(r.object.pos) > WORKSPACE) | (norm(r.base.pos) > WORKSPACE)

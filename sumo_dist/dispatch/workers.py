@@ -1,0 +1,171 @@
+"""Which workers there are, how fast each is, and which of them are asked."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.events import Tell
+from sumo_dist.wire.keys import SCHEMA, Member
+from sumo_dist.wire.messages import WorkerHealth
+
+MISSES_TO_SUSPEND = 2  # plans in a row without any answer before a worker is passed over
+REFUSALS_TO_LEAVE_OUT = 2  # in a row: one may have been spoilt on its way
+PROBE_S = 1.0  # how often a worker that is passed over, or has never answered, is tried
+SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
+TIMELY_MEMORY = 0.9  # likewise in the share of its rows that come in time
+FIRST = 32  # workers that are asked at a time while none has answered
+LEAST_TIMELY = 0.05  # of a worker that is never in time, so that it is still asked for something
+
+
+def misfit(member: Member, build: str) -> str:
+    """Say why a service cannot work with this one; "" if it can."""
+    if member.schema != SCHEMA:
+        return f"its messages have version {member.schema}, here it is {SCHEMA}"
+    if member.build != build:
+        return (
+            f"its build is {member.build}, here it is {build}: install the same version on both "
+            "hosts; if only the instruction sets differ, give all of them --engine native-portable"
+        )
+    return ""
+
+
+@dataclass
+class Worker:
+    """One worker as its answers have shown it.
+
+    Attributes:
+        member: its token.
+        refusal: why it is left out; "" if it is not.
+        speed: rows per ms that it rolls out.
+        misses: plans in a row without any answer.
+        refusals: in a row.
+        asked, heard: time.monotonic() of the last request and answer, 0 before the first.
+        lost: rows it was asked for and did not answer in time.
+        timely: share of its rows that come in time.
+    """
+
+    member: Member
+    refusal: str
+    speed: float = 0.1
+    misses: int = 0
+    refusals: int = 0
+    asked: float = 0.0
+    heard: float = 0.0
+    lost: int = 0
+    timely: float = 1.0
+
+    @property
+    def pace(self) -> float:
+        """Rows per ms that can be counted on: other work on its cores makes some of them late."""
+        return self.speed * max(LEAST_TIMELY, self.timely)
+
+    @property
+    def steady(self) -> bool:
+        """Whether rows that a plan needs may be entrusted to it."""
+        return self.heard > 0 and self.misses < MISSES_TO_SUSPEND
+
+    def answered(self, rows: int, compute_ms: float) -> None:
+        """Learn its speed; from late answers too: those in time alone would flatter it."""
+        speed = rows / max(compute_ms, 1e-3)
+        self.speed = SPEED_MEMORY * self.speed + (1.0 - SPEED_MEMORY) * speed
+
+    def took(self, share: float) -> None:
+        """Learn which share of a plan's rows came in time."""
+        self.timely = TIMELY_MEMORY * self.timely + (1.0 - TIMELY_MEMORY) * share
+
+
+class Workers:
+    """The workers that an optimizer knows."""
+
+    def __init__(self, build: str, tell: Tell) -> None:
+        """Expect workers of an engine's build; `tell(level, text)` hears what users should know."""
+        self._build, self._tell = build, tell
+        self._workers: dict[str, Worker] = {}
+
+    def __len__(self) -> int:
+        """Number of workers that take shards."""
+        return len(self.asked())
+
+    def get(self, name: str) -> Worker | None:
+        """Return a worker; None if it has left."""
+        return self._workers.get(name)
+
+    @property
+    def pace(self) -> float:
+        """Rollouts per ms of all workers that take shards, as measured on their answers."""
+        return sum(self.asked().values())
+
+    def asked(self) -> dict[str, float]:
+        """Paces of the workers that get a plan's rows.
+
+        They are those that answer. While there is none, those are asked that were not asked for
+        longest: somebody must be the first. So a token whose owner never answers costs no rows,
+        however many there are.
+        """
+        willing = {name: w for name, w in list(self._workers.items()) if not w.refusal}
+        steady = {name: w.pace for name, w in willing.items() if w.steady}
+        longest_ago = sorted(willing, key=lambda name: willing[name].asked)
+        return steady or {name: willing[name].pace for name in longest_ago[:FIRST]}
+
+    def to_try(self) -> str | None:
+        """Name of a worker that is due to be tried with rows that another one has as well."""
+        if not any(w.steady for w in self._workers.values()):
+            return None
+        due = time.monotonic() - PROBE_S
+        idle = {n: w for n, w in self._workers.items() if not (w.refusal or w.steady)}
+        name = min(idle, key=lambda n: idle[n].asked, default=None)
+        return name if name is not None and idle[name].asked < due else None
+
+    def joined_or_left(self, member: Member, alive: bool) -> bool:
+        """Take note of a member; return whether its rows must be given to others."""
+        if alive:
+            refusal = misfit(member, self._build)
+            self._workers[member.id] = Worker(member, refusal)
+            if refusal:
+                self._tell("error", f"worker {member.id} is left out: {refusal}")
+            else:
+                self._tell("info", f"worker {member.id} joined")
+        elif (known := self._workers.get(member.id)) and known.member == member:
+            del self._workers[member.id]
+            self._tell("warning", f"worker {member.id} left")
+            return True
+        return False
+
+    def heard(self, worker: Worker) -> None:
+        """Note an answer."""
+        if worker.misses >= MISSES_TO_SUSPEND:
+            self._tell("info", f"worker {worker.member.id} answers again")
+        worker.misses, worker.heard = 0, time.monotonic()
+
+    def refused(self, worker: Worker, reason: str) -> None:
+        """Note a refusal."""
+        worker.refusals += 1
+        if worker.refusals >= REFUSALS_TO_LEAVE_OUT and not worker.refusal:
+            worker.refusal = reason
+            self._tell("error", f"worker {worker.member.id} is left out: {reason}")
+
+    def missed(self, name: str) -> None:
+        """Note that a worker has not answered at all."""
+        worker = self._workers.get(name)
+        if worker is not None:
+            worker.misses += 1
+            if worker.misses == MISSES_TO_SUSPEND and worker.heard:
+                self._tell("warning", f"worker {name} does not answer: it is passed over")
+
+    def forgive(self) -> None:
+        """Ask those again that refused: the task is another one now."""
+        for worker in self._workers.values():
+            worker.refusal, worker.refusals = misfit(worker.member, self._build), 0
+
+    def publish_health(self, bus: Bus) -> None:
+        """Tell of each worker; called on another thread than the rest."""
+        now = time.monotonic()
+        for name, worker in list(self._workers.items()):
+            silent = "has not answered yet" if not worker.heard else "passed over"
+            state = worker.refusal or ("answers" if worker.steady else silent)
+            since = now - worker.heard if worker.heard else -1.0
+            pace = float(np.round(worker.pace * 1e3))
+            message = WorkerHealth(bus.run or "", name, state[:200], pace, worker.lost, since)
+            bus.publish(message)
