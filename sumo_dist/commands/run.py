@@ -1,5 +1,6 @@
 """`sumo-dist run`: one task, in this process or by services over Zenoh."""
 
+import shutil
 import sys
 import time
 from dataclasses import dataclass
@@ -123,8 +124,15 @@ def main(options: Options) -> int:
             options.stay,
         )
         code = run_distributed(deployment, options.listen)
-    print(f"{one_line(read_summary(out))}; in {out}")
+    last = _last_episode(out)
+    print(f"{one_line(read_summary(last))}; in {last}")
     return code
+
+
+def _last_episode(out: Path) -> Path:
+    """Folder of the last episode of a session: a reset or another task begins a new one."""
+    numbers = [int(p.name.removeprefix("episode-")) for p in out.glob("episode-[0-9]*")]
+    return out / f"episode-{max(numbers)}" if numbers else out
 
 
 def _prepare(episode: EpisodeConfig) -> None:
@@ -138,8 +146,10 @@ def _prepare(episode: EpisodeConfig) -> None:
 def _make_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for before in ("summary.json", "run.rrd"):
-            (out / before).unlink(missing_ok=True)
+        for before in (out / "summary.json", out / "run.rrd"):
+            before.unlink(missing_ok=True)
+        for before in out.glob("episode-[0-9]*"):
+            shutil.rmtree(before)
     except OSError as error:
         raise UsageError(f"cannot write to {out}: {error.strerror}") from None
 
