@@ -49,7 +49,7 @@ class Policy:
 class Physics:
     def __init__(
         self,
-        model: int,
+        models: Sequence[int],
         step: int,
         set_state: int,
         kinematics: int,
@@ -77,9 +77,10 @@ class Engine:
     ) -> None: ...
     def rollout(
         self,
-        start: np.ndarray,
-        memory: np.ndarray,
+        starts: np.ndarray,
+        memories: np.ndarray,
         commands: np.ndarray,
+        models: np.ndarray,
         states: np.ndarray,
         positions: np.ndarray,
         rotations: np.ndarray,

@@ -2,17 +2,18 @@
 
 import ctypes
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.variation import Variation
 from sumo_dist.policies import g1, hold, spot
 from sumo_dist.policies.policy import Policy
 from sumo_dist.rollout import _native
-from sumo_dist.rollout.base import DIVERGED, RESET_STATE, RolloutEngine, frame_arrays
+from sumo_dist.rollout.base import DIVERGED, RESET_STATE, Request, RolloutEngine, frame_arrays
 from sumo_dist.rollout.interface import Rollouts
 
 GROUP = 8  # simulations per thread: they share a network evaluation; many would outgrow the cache
@@ -34,9 +35,10 @@ class NativeEngine(RolloutEngine):
         policy: Policy,
         frames: tuple[FrameRef, ...],
         threads: int,
+        variations: Sequence[Variation] = (),
         portable: bool = False,
     ) -> None:
-        super().__init__(model, policy, frames, threads)
+        super().__init__(model, policy, frames, threads, variations)
         self.name, self.build = identity(portable)
         self._pool = [mujoco.MjData(self._model) for _ in range(threads * GROUP)]
         simulations = [self._simulation(data) for data in self._pool]
@@ -49,15 +51,14 @@ class NativeEngine(RolloutEngine):
         self._engine = None
         self._pool = []
 
-    def _roll_out(
-        self, start: np.ndarray, memory: np.ndarray, commands: np.ndarray, out: Rollouts
-    ) -> None:
+    def _roll_out(self, request: Request, out: Rollouts) -> None:
         if self._engine is None:
             raise UsageError("this rollout engine is closed")
         self._engine.rollout(
-            start,
-            memory,
-            commands,
+            request.starts,
+            request.memories,
+            request.commands,
+            request.models,
             out.states,
             out.positions,
             out.rotations,
@@ -69,7 +70,7 @@ class NativeEngine(RolloutEngine):
         # The bindings' own module resolves to the one libmujoco that is loaded.
         library = ctypes.CDLL(mujoco._functions.__file__)
         return _native.Physics(
-            model=self._model._address,
+            models=[model._address for model in self._models],
             step=_function(library, "mj_step"),
             set_state=_function(library, "mj_setState"),
             kinematics=_function(library, "mj_kinematics"),

@@ -146,14 +146,24 @@ sumo::Simulation make_simulation(Address data, Address qpos, Address qvel, Addre
   return sim;
 }
 
-void rollout(sumo::Engine& engine, Array<const double, 1> start, Array<const float, 1> memory,
-             Array<const double, 3> commands, Array<double, 3> states, Array<double, 4> positions,
-             Array<double, 5> rotations, Array<float, 2> memory_out, Array<bool, 1> valid) {
+// From one row to the next; a single row is shared by all.
+template <typename T>
+long stride(const Array<T, 2>& rows) {
+  return rows.shape(0) == 1 ? 0 : static_cast<long>(rows.shape(1));
+}
+
+void rollout(sumo::Engine& engine, Array<const double, 2> starts, Array<const float, 2> memories,
+             Array<const double, 3> commands, Array<const int, 1> models, Array<double, 3> states,
+             Array<double, 4> positions, Array<double, 5> rotations, Array<float, 2> memory_out,
+             Array<bool, 1> valid) {
   const sumo::Request request{static_cast<int>(commands.shape(0)),
                               static_cast<int>(commands.shape(1)),
-                              start.data(),
-                              memory.data(),
+                              starts.data(),
+                              stride(starts),
+                              memories.data(),
+                              stride(memories),
                               commands.data(),
+                              models.data(),
                               states.data(),
                               positions.data(),
                               rotations.data(),
@@ -197,9 +207,12 @@ NB_MODULE(_native, m) {
   nb::class_<sumo::Physics>(m, "Physics")
       .def(
           "__init__",
-          [](sumo::Physics* self, Address model, Address step, Address set_state,
-             Address kinematics, int signature, int nq, int nv, int nu, int substeps) {
-            new (self) sumo::Physics{at<const void*>(model),
+          [](sumo::Physics* self, const std::vector<Address>& models, Address step,
+             Address set_state, Address kinematics, int signature, int nq, int nv, int nu,
+             int substeps) {
+            std::vector<const void*> pointers;
+            for (const Address model : models) pointers.push_back(at<const void*>(model));
+            new (self) sumo::Physics{pointers,
                                      at<decltype(sumo::Physics::step)>(step),
                                      at<decltype(sumo::Physics::set_state)>(set_state),
                                      at<decltype(sumo::Physics::kinematics)>(kinematics),
@@ -209,13 +222,13 @@ NB_MODULE(_native, m) {
                                      nu,
                                      substeps};
           },
-          "model"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a, "nu"_a,
-          "substeps"_a);
+          "models"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a,
+          "nu"_a, "substeps"_a);
 
   nb::class_<sumo::Engine>(m, "Engine")
       .def(nb::init<const sumo::Physics&, std::shared_ptr<const sumo::Policy>,
                     const std::vector<sumo::Simulation>&, int>(),
            "physics"_a, "policy"_a, "simulations"_a, "threads"_a)
-      .def("rollout", &rollout, "start"_a, "memory"_a, "commands"_a, "states"_a, "positions"_a,
-           "rotations"_a, "memory_out"_a, "valid"_a);
+      .def("rollout", &rollout, "starts"_a, "memories"_a, "commands"_a, "models"_a, "states"_a,
+           "positions"_a, "rotations"_a, "memory_out"_a, "valid"_a);
 }
