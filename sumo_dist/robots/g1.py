@@ -17,7 +17,7 @@ from sumo_dist.policies.g1_layout import (
     RIGHT_ARM_OFFSETS,
     SIDES,
 )
-from sumo_dist.robots.robot import ActionSpace, Robot
+from sumo_dist.robots.robot import ActionSpace, Robot, written_into
 from sumo_dist.robots.safety import Safety
 
 # The safe stop: legs folded, arms ahead. Of the poses that were tried it is the one from which the
@@ -81,12 +81,6 @@ def g1_actions(arms: Sequence[str] = (), reach: float = ARM_REACH) -> ActionSpac
     columns = np.concatenate(
         [places[COMMAND_BASE], *(arms_places[SIDES.index(side)] for side in chosen)]
     )  # where each action stands in the command
-
-    def to_command(action: np.ndarray) -> np.ndarray:
-        command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
-        command[..., columns] = action
-        return command
-
     default = padding[columns]
     width = np.array([*BASE_LIMITS, *[reach] * (len(ARM) * len(chosen))])
     names = [f"{side}_{joint}" for side in chosen for joint in ARM]
@@ -95,5 +89,6 @@ def g1_actions(arms: Sequence[str] = (), reach: float = ARM_REACH) -> ActionSpac
         lower=default - width,
         upper=default + width,
         default=default,
-        to_command=to_command,
+        to_command=written_into(padding, columns),
+        velocities=tuple(range(len(BASE_LIMITS))),
     )

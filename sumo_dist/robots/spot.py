@@ -140,4 +140,5 @@ def spot_actions(
         upper=np.concatenate([limb.upper for limb in limbs.values()]),
         default=np.concatenate([limb.default for limb in limbs.values()]),
         to_command=to_command,
+        velocities=tuple(columns["base"].tolist()),
     )
