@@ -4,8 +4,7 @@ The policy walks to a clock: two phases, half a period apart, that run while it 
 while it stands. Two things are ours, as it was trained for neither. While an arm follows the
 command, the network sees it at its default pose, at rest: told the truth, it falls. And it does not
 observe how fast the robot moves, so it stalls against a load: the command it is given is corrected
-by how far the velocity lags behind. The constants here are the only statement of the layout: the
-native engine is given them.
+by how far the velocity lags behind. `g1_layout` states the numbers.
 """
 
 import json
@@ -16,66 +15,36 @@ import numpy as np
 from sumo_dist.errors import SumoError
 from sumo_dist.math import rotations
 from sumo_dist.policies.contract import PolicyContract
+from sumo_dist.policies.g1_layout import (
+    ACTION_SCALE,
+    ACTION_SIZE,
+    ARM_SIZE,
+    ARMS,
+    COMMAND_ARMS,
+    COMMAND_BASE,
+    COMMAND_FOLLOWS,
+    COMMAND_SIZE,
+    FEEDBACK_GAIN,
+    FEEDBACK_LIMIT,
+    FEEDBACK_SHARE,
+    GAIT_TICKS,
+    JOINT_OFFSETS,
+    JOINT_SPEED_SCALE,
+    JOINTS,
+    KIND,
+    MEMORY_GAIT,
+    MEMORY_SIZE,
+    MEMORY_VELOCITY,
+    OBSERVATION_SIZE,
+    PHASES,
+    SPIN_SCALE,
+    STAND_BELOW,
+    STANDING,
+)
 from sumo_dist.policies.manifest import PinnedPolicy
 from sumo_dist.policies.network import evaluate
 from sumo_dist.policies.onnx_mlp import read_metadata, read_mlp
 from sumo_dist.policies.policy import Policy
-from sumo_dist.timing import TICK
-
-KIND = "g1_gait"
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
-_WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
-LEG_JOINTS = tuple(f"{side}_{joint}_joint" for side in ("left", "right") for joint in _LEG)
-WAIST_JOINTS = ("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint")
-LEFT_ARM_JOINTS = tuple(f"left_{joint}_joint" for joint in (*_ARM, *_WRIST))
-RIGHT_ARM_JOINTS = tuple(f"right_{joint}_joint" for joint in (*_ARM, *_WRIST))
-JOINTS = (*LEG_JOINTS, *WAIST_JOINTS, *LEFT_ARM_JOINTS, *RIGHT_ARM_JOINTS)  # model and network
-
-# What the network's joint positions and actions are relative to [rad].
-LEG_OFFSETS = (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0)
-LEFT_ARM_OFFSETS = (0.2, 0.2, 0.0, 0.6, 0.0, 0.0, 0.0)
-RIGHT_ARM_OFFSETS = (0.2, -0.2, 0.0, 0.6, 0.0, 0.0, 0.0)
-JOINT_OFFSETS = (*LEG_OFFSETS, *LEG_OFFSETS, 0.0, 0.0, 0.0, *LEFT_ARM_OFFSETS, *RIGHT_ARM_OFFSETS)
-ACTION_SCALE = 0.25  # [rad] per unit of action
-SPIN_SCALE = 0.25  # of the base's angular velocity in the observation
-JOINT_SPEED_SCALE = 0.05
-
-# The command: base velocity vx, vy [m/s], wz [rad/s]; targets of the arms, left and right [rad];
-# for each arm whether it follows them (above 0.5) or the policy.
-COMMAND_ARMS = slice(3, 17)
-COMMAND_FOLLOWS = slice(17, 19)
-COMMAND_SIZE = 19
-ACTION_SIZE = len(JOINTS)
-OBSERVATION_SIZE = 100
-_ARMS = slice(15, 29)  # among the joints
-_ARM_SIZE = 7
-
-# The memory: the last action; ticks since the gait began, -1 while the robot stands; the base's
-# velocity vx, vy [m/s], wz [rad/s] through a low-pass filter.
-MEMORY_GAIT = 29
-MEMORY_VELOCITY = slice(30, 33)
-MEMORY_SIZE = 33
-STANDING = -1.0
-
-GAIT_TICKS = 50  # policy steps a period
-STAND_BELOW = 0.05  # norm of the commanded velocity [m/s, rad/s] that means: stand
-
-# Velocity feedback: the network gets clip(c + GAIN (c - v), -LIMIT, LIMIT) in place of c. Greater
-# gains push more and fall sooner.
-FEEDBACK_GAIN = (1.0, 1.0, 0.3)
-FEEDBACK_LIMIT = 1.5  # [m/s, rad/s]
-FEEDBACK_TIME = 0.5  # of the velocity's filter [s]
-FEEDBACK_SHARE = TICK / FEEDBACK_TIME
-
-_ANGLES = 2.0 * np.pi * np.arange(GAIT_TICKS) / GAIT_TICKS
-# (GAIT_TICKS + 1, 4) float32: cosines and sines of both phases; the last row is of standing.
-PHASES = np.concatenate(
-    (
-        np.stack((np.cos(_ANGLES), -np.cos(_ANGLES), np.sin(_ANGLES), -np.sin(_ANGLES)), axis=1),
-        [[-1.0, -1.0, 0.0, 0.0]],
-    )
-).astype(np.float32)
 
 _OFFSETS = np.array(JOINT_OFFSETS)
 _GAIN = np.array(FEEDBACK_GAIN)
@@ -94,7 +63,7 @@ def advance(
     before = memory[..., MEMORY_VELOCITY].astype(np.float64)
     velocity = before + FEEDBACK_SHARE * (_base_velocity(qpos, qvel) - before)
     velocity = velocity.astype(np.float32)
-    wanted = command[..., :3]
+    wanted = command[..., COMMAND_BASE]
     norm2 = wanted[..., 0] ** 2 + wanted[..., 1] ** 2 + wanted[..., 2] ** 2
     stands = norm2 < STAND_BELOW**2
     begins = np.where(memory[..., MEMORY_GAIT] == STANDING, 0.0, memory[..., MEMORY_GAIT])
@@ -141,7 +110,7 @@ def joint_targets(action: np.ndarray, command: np.ndarray) -> np.ndarray:
     """Turn the network's action (..., 29) and the command into joint targets (..., 29) [rad]."""
     targets = _OFFSETS + ACTION_SCALE * action.astype(np.float64)
     commanded = np.zeros(targets.shape)
-    commanded[..., _ARMS] = command[..., COMMAND_ARMS]
+    commanded[..., ARMS] = command[..., COMMAND_ARMS]
     return np.where(_arms(command) > 0.5, commanded, targets)
 
 
@@ -210,7 +179,7 @@ def _base_velocity(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
 def _arms(command: np.ndarray) -> np.ndarray:
     """Return (..., 29): 1 for the joints of an arm that follows the command, else 0."""
     follows = np.zeros((*command.shape[:-1], len(JOINTS)))
-    follows[..., _ARMS] = np.repeat(command[..., COMMAND_FOLLOWS] > 0.5, _ARM_SIZE, axis=-1)
+    follows[..., ARMS] = np.repeat(command[..., COMMAND_FOLLOWS] > 0.5, ARM_SIZE, axis=-1)
     return follows
 
 

@@ -1,4 +1,8 @@
-"""No policy at all: rollouts of physics alone, to measure what the policy adds."""
+"""The controller without a policy: the command is the joint targets, which the servos hold.
+
+For planning over the joints themselves (robots/joint_actions.py), and for rollouts of physics
+alone, which show what a policy adds.
+"""
 
 from dataclasses import replace
 
@@ -7,6 +11,7 @@ import numpy as np
 from sumo_dist.policies.contract import PolicyContract
 from sumo_dist.policies.policy import Policy
 
+NAME = "joint-targets"  # what a task calls this controller
 KIND = "hold_targets"
 
 
@@ -26,10 +31,13 @@ class HoldTargets(Policy):
 
 
 def hold_targets(contract: PolicyContract) -> HoldTargets:
-    """Replace the policy of a contract: nc = nu joint targets [rad] instead of its command."""
+    """Replace the policy of a contract: nc = nu joint targets [rad] instead of its command.
+
+    What stays is the robot's: joints, gains and rate.
+    """
     physics_only = replace(
         contract,
-        name=KIND,
+        name=NAME,
         command_size=len(contract.joints),
         observation_size=0,
         action_size=0,

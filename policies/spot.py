@@ -2,8 +2,7 @@
 
 The policy sees the state and a 25-d command and outputs targets of the 12 leg joints; a leg whose
 command is not all zero takes its targets from the command instead. Its network orders the joints
-by kind, the model by limb. The constants here are the only statement of that layout: the native
-engine is given them.
+by kind, the model by limb; `spot_layout` states both.
 """
 
 from pathlib import Path
@@ -17,43 +16,24 @@ from sumo_dist.policies.manifest import PinnedPolicy
 from sumo_dist.policies.network import evaluate
 from sumo_dist.policies.onnx_mlp import read_mlp
 from sumo_dist.policies.policy import Policy
-
-KIND = "spot_relic"
-LEGS = ("fl", "fr", "hl", "hr")
-LEG_JOINTS = tuple(f"{leg}_{joint}" for leg in LEGS for joint in ("hx", "hy", "kn"))
-ARM_JOINTS = tuple(f"arm_{joint}" for joint in ("sh0", "sh1", "el0", "el1", "wr0", "wr1", "f1x"))
-JOINTS = LEG_JOINTS + ARM_JOINTS  # the model's order
-
-# fmt: off
-NETWORK_JOINTS = (
-    "arm_sh0", "fl_hx", "fr_hx", "hl_hx", "hr_hx",
-    "arm_sh1", "fl_hy", "fr_hy", "hl_hy", "hr_hy",
-    "arm_el0", "fl_kn", "fr_kn", "hl_kn", "hr_kn",
-    "arm_el1", "arm_wr0", "arm_wr1", "arm_f1x",
+from sumo_dist.policies.spot_layout import (
+    ACTION_SCALE,
+    ACTION_SIZE,
+    ACTION_TO_LEGS,
+    COMMAND_ARM_JOINTS,
+    COMMAND_LEGS,
+    COMMAND_SIZE,
+    JOINT_OFFSETS,
+    JOINTS,
+    JOINTS_TO_NETWORK,
+    KD,
+    KIND,
+    KP,
+    LEG_OFFSETS,
+    LEG_SIZE,
+    LEGS,
+    OBSERVATION_SIZE,
 )
-# fmt: on
-NETWORK_LEG_JOINTS = tuple(joint for joint in NETWORK_JOINTS if joint in LEG_JOINTS)
-
-# network order[i] = model order[JOINTS_TO_NETWORK[i]]; leg targets[i] = action[ACTION_TO_LEGS[i]]
-JOINTS_TO_NETWORK = tuple(JOINTS.index(joint) for joint in NETWORK_JOINTS)
-ACTION_TO_LEGS = tuple(NETWORK_LEG_JOINTS.index(joint) for joint in LEG_JOINTS)
-
-# What the network's joint positions and actions are relative to, in the model's order [rad]. The
-# hips of left and right legs open outwards; the gripper's is its open position.
-LEG_OFFSETS = (0.12, 0.5, -1.0, -0.12, 0.5, -1.0) * 2
-JOINT_OFFSETS = (*LEG_OFFSETS, 0.0, -0.9, 1.8, 0.0, -0.9, 0.0, -1.54)
-ACTION_SCALE = 0.2  # [rad] per unit of action
-
-# The command: base velocity vx, vy [m/s], wz [rad/s]; arm and gripper [rad]; legs [rad];
-# torso roll, pitch [rad], height [m]. Joints in the model's order.
-COMMAND_ARM = slice(3, 10)
-COMMAND_LEGS = slice(10, 22)
-COMMAND_SIZE = 25
-ACTION_SIZE = 12
-OBSERVATION_SIZE = 84
-
-KP = (60.0,) * 12 + (120.0,) * 6 + (16.0,)  # [Nm/rad]
-KD = (1.5,) * 12 + (2.0,) * 6 + (0.32,)  # [Nm s/rad]
 
 _TO_NETWORK = np.array(JOINTS_TO_NETWORK)
 _TO_LEGS = np.array(ACTION_TO_LEGS)
@@ -100,9 +80,9 @@ def joint_targets(action: np.ndarray, command: np.ndarray) -> np.ndarray:
     """
     legs = _LEG_OFFSETS + ACTION_SCALE * action[..., _TO_LEGS].astype(np.float64)
     commanded = command[..., COMMAND_LEGS]
-    overridden = commanded.reshape(*command.shape[:-1], len(LEGS), 3).any(-1)  # (..., 4)
-    legs = np.where(np.repeat(overridden, 3, axis=-1), commanded, legs)
-    return np.concatenate((legs, command[..., COMMAND_ARM]), axis=-1)
+    overridden = commanded.reshape(*command.shape[:-1], len(LEGS), LEG_SIZE).any(-1)  # (..., 4)
+    legs = np.where(np.repeat(overridden, LEG_SIZE, axis=-1), commanded, legs)
+    return np.concatenate((legs, command[..., COMMAND_ARM_JOINTS]), axis=-1)
 
 
 class SpotPolicy(Policy):

@@ -1,10 +1,12 @@
 """Variations of a compiled model: masses, inertias, friction and servo gains, as numbers."""
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
+
+from sumo_dist.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,12 @@ def draw(model: mujoco.MjModel, spread: Spread, rng: np.random.Generator) -> Var
 
 
 def varied(model: mujoco.MjModel, variation: Variation) -> mujoco.MjModel:
-    """Return a copy of a model with a variation applied."""
+    """Return a copy of a model with a variation applied; it fits every MjData of the model's.
+
+    Raises:
+        UsageError: a variation of another model, or a factor that is not finite and positive.
+    """
+    _check(model, variation)
     model = copy.copy(model)
     model.body_mass[:] *= variation.mass
     model.body_inertia[:] *= variation.inertia[:, None]
@@ -70,3 +77,16 @@ def varied(model: mujoco.MjModel, variation: Variation) -> mujoco.MjModel:
     model.actuator_biasprm[:, 2] *= variation.damping
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+def _check(model: mujoco.MjModel, variation: Variation) -> None:
+    bodies, geoms, servos = (model.nbody,), (model.ngeom,), (model.nu,)
+    shapes = (bodies, bodies, geoms, servos, servos)
+    for factors, shape in zip(fields(variation), shapes, strict=True):
+        values = np.asarray(getattr(variation, factors.name))
+        if values.shape != shape:
+            raise UsageError(
+                f"variation: {factors.name} has shape {values.shape}, the model needs {shape}"
+            )
+        if not (np.isfinite(values) & (values > 0.0)).all():
+            raise UsageError(f"variation: {factors.name} has a factor that is not positive")

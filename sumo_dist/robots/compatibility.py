@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError
+from sumo_dist.policies import hold
 from sumo_dist.policies.contract import PolicyContract
 from sumo_dist.robots.robot import Robot
 from sumo_dist.timing import TICK
@@ -15,7 +16,8 @@ from sumo_dist.timing import TICK
 def check(contract: PolicyContract, robot: Robot, model: mujoco.MjModel) -> None:
     """Compare a policy's contract with a robot and its compiled model.
 
-    The robot comes first in the model: its free joint, its joints, its actuators.
+    The robot comes first in the model: its free joint, its joints, its actuators. Joint targets
+    (`policies.hold`) are not what the robot's own policy takes, but every robot follows them.
 
     Raises:
         SumoError: they differ; the message names every difference.
@@ -30,9 +32,14 @@ def check(contract: PolicyContract, robot: Robot, model: mujoco.MjModel) -> None
 
 
 def _robot(contract: PolicyContract, robot: Robot) -> Iterator[str]:
+    if contract.name != hold.NAME:
+        yield from _policy(contract, robot)
+    yield from _order("robot's joints", robot.joints, contract.joints)
+
+
+def _policy(contract: PolicyContract, robot: Robot) -> Iterator[str]:
     if robot.policy != contract.name:
         yield f"policy: the robot names {robot.policy!r}"
-    yield from _order("robot's joints", robot.joints, contract.joints)
     if len(robot.default_command) != contract.command_size:
         yield (
             f"command: the robot's default has {len(robot.default_command)} numbers, "

@@ -5,30 +5,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from sumo_dist.errors import UsageError
-from sumo_dist.robots.robot import ActionSpace, Robot
+from sumo_dist.policies.g1_layout import (
+    ARM,
+    ARM_SIZE,
+    COMMAND_ARMS,
+    COMMAND_BASE,
+    COMMAND_FOLLOWS,
+    JOINT_OFFSETS,
+    JOINTS,
+    LEFT_ARM_OFFSETS,
+    RIGHT_ARM_OFFSETS,
+    SIDES,
+)
+from sumo_dist.robots.robot import ActionSpace, Robot, written_into
 from sumo_dist.robots.safety import Safety
 
-ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
-WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
-SIDES = ("left", "right")
-LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-JOINTS = (
-    *(f"{side}_{joint}_joint" for side in SIDES for joint in LEG),
-    *(f"waist_{axis}_joint" for axis in ("yaw", "roll", "pitch")),
-    *(f"{side}_{joint}_joint" for side in SIDES for joint in (*ARM, *WRIST)),
-)
-
-# Knees bent, arms beside the body [rad]: what the policy's joint angles are relative to.
-STANDING_LEG = (-0.312, 0.0, 0.0, 0.669, -0.363, 0.0)
-ARM_DEFAULT = {"left": (0.2, 0.2, 0.0, 0.6), "right": (0.2, -0.2, 0.0, 0.6)}
-WRIST_DEFAULT = (0.0, 0.0, 0.0)
-ARMS_DEFAULT = tuple(q for side in SIDES for q in (*ARM_DEFAULT[side], *WRIST_DEFAULT))
 # The safe stop: legs folded, arms ahead. Of the poses that were tried it is the one from which the
 # head falls slowest.
 FOLDED_LEG = (-2.0, 0.0, 0.0, 2.4, -0.8, 0.0)
-ARMS_AHEAD = tuple(q for roll in (0.2, -0.2) for q in (-1.2, roll, 0.0, 0.6, *WRIST_DEFAULT))
+ARMS_AHEAD = tuple(q for roll in (0.2, -0.2) for q in (-1.2, roll, 0.0, 0.6, 0.0, 0.0, 0.0))
 
-# The policy is sure-footed within these [m/s, rad/s]; below `policies.g1.STAND_BELOW` it stands.
+# The policy is sure-footed within these [m/s, rad/s]; below the layout's STAND_BELOW it stands.
 BASE_LIMITS = (0.8, 0.4, 0.5)
 # An arm may be this far from its default [rad]: so far the policy stays up (bench policy), and no
 # joint is at its end.
@@ -52,12 +49,12 @@ G1 = Robot(
     mjcf="robots/g1.xml",
     base="pelvis",
     joints=JOINTS,
-    stand=(*STANDING_LEG * 2, 0.0, 0.0, 0.0, *ARMS_DEFAULT),
+    stand=JOINT_OFFSETS,
     stand_height=0.76,
     sit=(*FOLDED_LEG * 2, 0.0, 0.0, 0.2, *ARMS_AHEAD),
     fall_height=0.6,
     policy="g1",
-    default_command=(0.0, 0.0, 0.0, *ARMS_DEFAULT, 0.0, 0.0),
+    default_command=(0.0, 0.0, 0.0, *LEFT_ARM_OFFSETS, *RIGHT_ARM_OFFSETS, 0.0, 0.0),
     safety=_SAFETY,
 )
 
@@ -78,23 +75,20 @@ def g1_actions(arms: Sequence[str] = (), reach: float = ARM_REACH) -> ActionSpac
     if chosen not in ((), ("left",), ("right",), SIDES):
         raise UsageError(f"arms are (), ('left',), ('right',) or {SIDES}, not {chosen}")
     padding = np.array(G1.default_command)
-    padding[17:19] = [side in chosen for side in SIDES]
+    padding[COMMAND_FOLLOWS] = [side in chosen for side in SIDES]
+    places = np.arange(len(padding))  # in the command
+    arms_places = places[COMMAND_ARMS].reshape(len(SIDES), ARM_SIZE)[:, : len(ARM)]
     columns = np.concatenate(
-        [np.arange(3), *(np.arange(4) + 3 + 7 * SIDES.index(side) for side in chosen)]
-    ).astype(np.intp)  # where each action stands in the command
-
-    def to_command(action: np.ndarray) -> np.ndarray:
-        command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
-        command[..., columns] = action
-        return command
-
+        [places[COMMAND_BASE], *(arms_places[SIDES.index(side)] for side in chosen)]
+    )  # where each action stands in the command
     default = padding[columns]
-    width = np.array([*BASE_LIMITS, *[reach] * (4 * len(chosen))])
+    width = np.array([*BASE_LIMITS, *[reach] * (len(ARM) * len(chosen))])
     names = [f"{side}_{joint}" for side in chosen for joint in ARM]
     return ActionSpace(
         names=("base_vx", "base_vy", "base_wz", *names),
         lower=default - width,
         upper=default + width,
         default=default,
-        to_command=to_command,
+        to_command=written_into(padding, columns),
+        velocities=tuple(range(len(BASE_LIMITS))),
     )

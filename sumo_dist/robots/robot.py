@@ -38,6 +38,8 @@ class ActionSpace:
         lower, upper: (nu,) physical limits; a dimension with lower == upper is fixed.
         default: (nu,) the action of a robot that stands and waits.
         to_command: (..., nu) physical action -> (..., nc) policy command, elementwise.
+        velocities: indices of the dimensions that are velocities of the base; the planner searches
+            them with a noise of their own.
     """
 
     names: tuple[str, ...]
@@ -45,6 +47,7 @@ class ActionSpace:
     upper: np.ndarray
     default: np.ndarray
     to_command: Callable[[np.ndarray], np.ndarray]
+    velocities: tuple[int, ...] = ()
     searched: np.ndarray = field(init=False)  # (ns,) indices of the dimensions with width
 
     def __post_init__(self) -> None:
@@ -53,12 +56,16 @@ class ActionSpace:
             raise UsageError(f"action space: limits of shapes {shapes} for {len(self.names)} names")
         if np.any(self.lower > self.upper):
             raise UsageError("action space: a lower limit exceeds its upper limit")
+        if any(not 0 <= i < len(self.names) for i in self.velocities):
+            raise UsageError(
+                f"action space: velocities {self.velocities} of {len(self.names)} dimensions"
+            )
         object.__setattr__(self, "searched", np.flatnonzero(self.upper > self.lower))
 
     @property
     def base(self) -> np.ndarray:
         """Which of the searched dimensions are velocities of the base, (ns,) bool."""
-        return np.array([self.names[i].startswith("base_") for i in self.searched], bool)
+        return np.isin(self.searched, self.velocities)
 
     @property
     def size(self) -> int:
@@ -80,3 +87,19 @@ class ActionSpace:
     def commands(self, unit: np.ndarray) -> np.ndarray:
         """c = g(a): unit actions (..., ns) to policy commands (..., nc)."""
         return self.to_command(self.physical(unit))
+
+
+def written_into(command: np.ndarray, places: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the map from actions (..., nu) to copies of a command (nc,) that have them in places.
+
+    Args:
+        command: (nc,) what it is but for the action.
+        places: (nu,) where in the command each dimension of the action stands.
+    """
+
+    def to_command(action: np.ndarray) -> np.ndarray:
+        commands = np.broadcast_to(command, (*action.shape[:-1], len(command))).copy()
+        commands[..., places] = action
+        return commands
+
+    return to_command

@@ -4,11 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sumo_dist.policies.spot_layout import (
+    ARM_JOINTS,
+    COMMAND_ARM,
+    COMMAND_BASE,
+    COMMAND_FRONT_LEFT,
+    COMMAND_FRONT_RIGHT,
+    COMMAND_GRIPPER,
+    COMMAND_PITCH_HEIGHT,
+    JOINTS,
+    LEG_JOINTS,
+)
 from sumo_dist.robots.robot import ActionSpace, Robot
 from sumo_dist.robots.safety import Safety
-
-LEG_JOINTS = tuple(f"{leg}_{j}" for leg in ("fl", "fr", "hl", "hr") for j in ("hx", "hy", "kn"))
-ARM_JOINTS = tuple(f"arm_{j}" for j in ("sh0", "sh1", "el0", "el1", "wr0", "wr1", "f1x"))
 
 GRIPPER_OPEN, GRIPPER_CLOSED = -1.54, 0.0
 STANDING = (0.12, 0.72, -1.45, -0.12, 0.72, -1.45) * 2
@@ -16,11 +24,6 @@ SITTING = (0.48, 1.26, -2.7929, -0.48, 1.26, -2.7929) * 2
 ARM_UNSTOWED = (0.0, -0.9, 1.8, 0.0, -0.9, 0.0)
 ARM_STOWED = (0.0, -3.11, 3.13, 1.56, 0.0, -1.56)
 STAND_HEIGHT = 0.52
-
-# The command: base velocity vx, vy [m/s], wz [rad/s]; arm targets (6), gripper target,
-# leg targets (12, zeros leave a leg to the policy) [rad]; torso roll, pitch [rad], height [m].
-_BASE, _ARM, _GRIPPER = slice(0, 3), slice(3, 9), slice(9, 10)
-_FRONT_LEFT, _FRONT_RIGHT, _PITCH_HEIGHT = slice(10, 13), slice(13, 16), slice(23, 25)
 
 # Positions: the joints' own. Rates bound how far a target may jump between two policy steps (which
 # the servos' torque limits turn into motion): in runs of box, tire, chair and rack the policy asked
@@ -46,7 +49,7 @@ SPOT = Robot(
     name="spot",
     mjcf="robots/spot.xml",
     base="body",
-    joints=LEG_JOINTS + ARM_JOINTS,
+    joints=JOINTS,
     stand=(*STANDING, *ARM_UNSTOWED, GRIPPER_CLOSED),
     stand_height=STAND_HEIGHT,
     sit=(*SITTING, *ARM_STOWED, GRIPPER_CLOSED),
@@ -117,17 +120,18 @@ def spot_actions(
     def to_command(action: np.ndarray) -> np.ndarray:
         command = np.broadcast_to(padding, (*action.shape[:-1], len(padding))).copy()
         parts = {name: action[..., chosen] for name, chosen in columns.items()}
-        command[..., _BASE] = parts["base"]
+        command[..., COMMAND_BASE] = parts["base"]
         if arm:
-            command[..., _ARM] = parts["arm"]
+            command[..., COMMAND_ARM] = parts["arm"]
         if gripper:
-            command[..., _GRIPPER] = np.where(parts["gripper"] > 0, GRIPPER_CLOSED, GRIPPER_OPEN)
+            closes = parts["gripper"] > 0
+            command[..., COMMAND_GRIPPER] = np.where(closes, GRIPPER_CLOSED, GRIPPER_OPEN)
         if legs:
             left, right, selection = np.split(parts["legs"], [3, 6], axis=-1)
-            command[..., _FRONT_LEFT] = np.where(selection < -0.5, left, 0.0)
-            command[..., _FRONT_RIGHT] = np.where(selection > 0.5, right, 0.0)
+            command[..., COMMAND_FRONT_LEFT] = np.where(selection < -0.5, left, 0.0)
+            command[..., COMMAND_FRONT_RIGHT] = np.where(selection > 0.5, right, 0.0)
         if torso:
-            command[..., _PITCH_HEIGHT] = parts["torso"]
+            command[..., COMMAND_PITCH_HEIGHT] = parts["torso"]
         return command
 
     return ActionSpace(
@@ -136,4 +140,5 @@ def spot_actions(
         upper=np.concatenate([limb.upper for limb in limbs.values()]),
         default=np.concatenate([limb.default for limb in limbs.values()]),
         to_command=to_command,
+        velocities=tuple(columns["base"].tolist()),
     )

@@ -1,11 +1,13 @@
 """Policy-in-the-loop rollouts: a native engine, and a fallback where it was not compiled."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 
 import mujoco
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.variation import Variation
 from sumo_dist.policies.policy import Policy
 from sumo_dist.rollout.interface import Controller, Engine, Rollouts
 
@@ -30,6 +32,7 @@ def make_engine(
     frames: tuple[FrameRef, ...],
     threads: int,
     kind: str = "auto",
+    variations: Sequence[Variation] = (),
 ) -> Engine:
     """Start a rollout engine.
 
@@ -41,18 +44,20 @@ def make_engine(
         threads: that share the rows, including the caller's.
         kind: one of ENGINES. "auto" is "native" where that was compiled, else "fallback";
             the network of "native-portable" gives the same bits on every CPU.
+        variations: of the model, on which rows may run in its place; see `Engine.rollout`.
 
     Raises:
-        UsageError: an unknown kind or frame, a model that does not fit, or an engine that this
-            installation does not have.
+        UsageError: an unknown kind or frame, a model or variation that does not fit, or an engine
+            that this installation does not have.
     """
     if _is_native(kind):
         from sumo_dist.rollout.native import NativeEngine
 
-        return NativeEngine(model, policy, frames, threads, portable=kind == "native-portable")
+        portable = kind == "native-portable"
+        return NativeEngine(model, policy, frames, threads, variations, portable)
     from sumo_dist.rollout.fallback import FallbackEngine
 
-    return FallbackEngine(model, policy, frames, threads)
+    return FallbackEngine(model, policy, frames, threads, variations)
 
 
 def make_controller(policy: Policy, model: mujoco.MjModel, kind: str = "auto") -> Controller:

@@ -13,28 +13,39 @@ def evaluate(
     outputs: np.ndarray,
     portable: bool,
 ) -> None: ...
-def spot_relic(
-    layers: Sequence[Layer],
-    joints_to_network: Sequence[int],
-    action_to_legs: Sequence[int],
-    joint_offsets: Sequence[float],
-    action_scale: float,
-    portable: bool,
-) -> Policy: ...
-def g1_gait(
-    layers: Sequence[Layer],
-    joint_offsets: Sequence[float],
-    action_scale: float,
-    spin_scale: float,
-    joint_speed_scale: float,
-    phases: Sequence[Sequence[float]],
-    stand_below: float,
-    feedback_gain: Sequence[float],
-    feedback_limit: float,
-    feedback_share: float,
-    portable: bool,
-) -> Policy: ...
+def spot_relic(layers: Sequence[Layer], layout: SpotLayout, portable: bool) -> Policy: ...
+def g1_gait(layers: Sequence[Layer], layout: G1Layout, portable: bool) -> Policy: ...
 def hold_targets(targets: int) -> Policy: ...
+
+class SpotLayout:
+    joints_to_network: Sequence[int]
+    action_to_legs: Sequence[int]
+    joint_offsets: Sequence[float]
+    action_scale: float
+    leg_size: int
+    command_size: int
+    command_arm: int
+    command_legs: int
+
+class G1Layout:
+    joint_offsets: Sequence[float]
+    action_scale: float
+    spin_scale: float
+    joint_speed_scale: float
+    phases: Sequence[Sequence[float]]
+    standing: float
+    stand_below: float
+    feedback_gain: Sequence[float]
+    feedback_limit: float
+    feedback_share: float
+    first_arm: int
+    arm_size: int
+    command_size: int
+    command_arms: int
+    command_follows: int
+    memory_size: int
+    memory_gait: int
+    memory_velocity: int
 
 class Policy:
     def step(
@@ -49,7 +60,7 @@ class Policy:
 class Physics:
     def __init__(
         self,
-        model: int,
+        models: Sequence[int],
         step: int,
         set_state: int,
         kinematics: int,
@@ -77,9 +88,10 @@ class Engine:
     ) -> None: ...
     def rollout(
         self,
-        start: np.ndarray,
-        memory: np.ndarray,
+        starts: np.ndarray,
+        memories: np.ndarray,
         commands: np.ndarray,
+        models: np.ndarray,
         states: np.ndarray,
         positions: np.ndarray,
         rotations: np.ndarray,

@@ -2,6 +2,8 @@
 
 import copy
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import mujoco
@@ -9,6 +11,7 @@ import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.variation import Variation, varied
 from sumo_dist.policies.policy import Policy
 from sumo_dist.rollout.interface import Rollouts
 from sumo_dist.timing import TICK
@@ -28,6 +31,23 @@ DIVERGED = tuple(
 )
 
 
+@dataclass(frozen=True)
+class Request:
+    """What to roll out, checked and complete.
+
+    Attributes:
+        starts: (B or 1, n) states as of RESET_STATE; a single one is shared by all rows.
+        memories: (B or 1, nm) float32 policy memory before the first step, likewise.
+        commands: (B, T, nc).
+        models: (B,) int32, 0 for the model itself, i for its i-th variation.
+    """
+
+    starts: np.ndarray
+    memories: np.ndarray
+    commands: np.ndarray
+    models: np.ndarray
+
+
 class RolloutEngine(ABC):
     """An engine on a copy of a model; a context manager. See `interface.Engine`."""
 
@@ -35,7 +55,12 @@ class RolloutEngine(ABC):
     build: str
 
     def __init__(
-        self, model: mujoco.MjModel, policy: Policy, frames: tuple[FrameRef, ...], threads: int
+        self,
+        model: mujoco.MjModel,
+        policy: Policy,
+        frames: tuple[FrameRef, ...],
+        threads: int,
+        variations: Sequence[Variation] = (),
     ) -> None:
         if threads < 1:
             raise UsageError(f"threads: {threads}; at least 1 is needed")
@@ -44,12 +69,13 @@ class RolloutEngine(ABC):
         self._policy = policy
         self._substeps = _substeps(self._model)
         self._frame_ids = [_frame_id(self._model, frame) for frame in self.frames]
-        self._data = mujoco.MjData(self._model)
         if self._model.nu != len(policy.contract.joints):
             raise UsageError(
                 f"the model has {self._model.nu} actuators, "
                 f"policy {policy.contract.name!r} drives {len(policy.contract.joints)}"
             )
+        self._models = (self._model, *(varied(self._model, v) for v in variations))
+        self._rest = _rest(self._model)
 
     def __enter__(self) -> Self:
         return self
@@ -57,18 +83,26 @@ class RolloutEngine(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def rollout(self, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Rollouts:
-        """Roll out B command sequences from one state; see `interface.Engine.rollout`.
+    def rollout(
+        self,
+        state: np.ndarray,
+        memory: np.ndarray,
+        commands: np.ndarray,
+        models: np.ndarray | None = None,
+    ) -> Rollouts:
+        """Roll out B command sequences; see `interface.Engine.rollout`.
 
         Raises:
-            UsageError: an array of the wrong shape or with a non-finite number, or the engine
-                is closed.
+            UsageError: an array of the wrong shape or with a non-finite number, a model that is
+                not there, or the engine is closed.
         """
         size, contract = self._model.nq + self._model.nv, self._policy.contract
-        state = _checked("state", state, (size,), np.float64)
-        memory = _checked("memory", memory, (contract.memory_size,), np.float32)
-        commands = _checked("commands", commands, (None, None, contract.command_size), np.float64)
+        sequences = (None, None, contract.command_size)
+        commands = _checked("commands", commands, np.float64, sequences)
         rows, ticks = commands.shape[:2]
+        state = _per_row("state", state, np.float64, rows, size)
+        memory = _per_row("memory", memory, np.float32, rows, contract.memory_size)
+        request = Request(self._starts(state), memory, commands, self._chosen(models, rows))
         out = Rollouts(
             states=np.empty((rows, ticks, size)),
             positions=np.empty((rows, ticks, len(self.frames), 3)),
@@ -76,7 +110,7 @@ class RolloutEngine(ABC):
             memory=np.empty((rows, contract.memory_size), np.float32),
             valid=np.empty(rows, np.bool_),
         )
-        self._roll_out(self._reset_state(state), memory, commands, out)
+        self._roll_out(request, out)
         return out
 
     @abstractmethod
@@ -84,19 +118,32 @@ class RolloutEngine(ABC):
         """Stop the engine's threads and free its simulations; harmless when repeated."""
 
     @abstractmethod
-    def _roll_out(
-        self, start: np.ndarray, memory: np.ndarray, commands: np.ndarray, out: Rollouts
-    ) -> None:
-        """Fill `out`; every row starts from `start`, a state vector as of RESET_STATE."""
+    def _roll_out(self, request: Request, out: Rollouts) -> None:
+        """Fill `out` with what is asked for."""
 
-    def _reset_state(self, state: np.ndarray) -> np.ndarray:
-        """Complete qpos and qvel to what resets a simulation; the solver's warm start is zero."""
-        mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[:] = state[: self._model.nq]
-        self._data.qvel[:] = state[self._model.nq :]
-        start = np.empty(mujoco.mj_stateSize(self._model, RESET_STATE))
-        mujoco.mj_getState(self._model, self._data, start, RESET_STATE)
-        return start
+    def _starts(self, states: np.ndarray) -> np.ndarray:
+        """Complete qpos and qvel (n, nq + nv) to what resets a simulation."""
+        before = mujoco.mj_stateSize(self._model, int(mujoco.mjtState.mjSTATE_TIME))
+        starts = np.tile(self._rest, (len(states), 1))
+        starts[:, before : before + states.shape[1]] = states
+        return starts
+
+    def _chosen(self, models: np.ndarray | None, rows: int) -> np.ndarray:
+        if models is None:
+            return np.zeros(rows, np.int32)
+        chosen = np.asarray(models)
+        if chosen.shape != (rows,) or chosen.dtype.kind not in "iu":
+            raise UsageError(
+                f"models has shape {chosen.shape} of {chosen.dtype}, not ({rows},) of integers"
+            )
+        last = len(self._models) - 1
+        wrong = chosen[(chosen < 0) | (chosen > last)]
+        if len(wrong):
+            raise UsageError(
+                f"there is no model {wrong[0]}; valid: 0, the model itself, to {last}, "
+                "the number of its variations"
+            )
+        return chosen.astype(np.int32)
 
 
 def frame_arrays(data: mujoco.MjData, kind: str, index: int) -> tuple[np.ndarray, np.ndarray]:
@@ -134,18 +181,34 @@ def _substeps(model: mujoco.MjModel) -> int:
     return substeps
 
 
+def _rest(model: mujoco.MjModel) -> np.ndarray:
+    """State of a reset simulation as of RESET_STATE, (n,); the solver's warm start is zero."""
+    rest = np.empty(mujoco.mj_stateSize(model, RESET_STATE))
+    mujoco.mj_getState(model, mujoco.MjData(model), rest, RESET_STATE)
+    return rest
+
+
+def _per_row(name: str, array: np.ndarray, dtype: type, rows: int, size: int) -> np.ndarray:
+    """Return (rows, size), or (1, size) of an array (size,) that all rows share."""
+    return np.atleast_2d(_checked(name, array, dtype, (size,), (rows, size)))
+
+
 def _checked(
-    name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type
+    name: str, array: np.ndarray, dtype: type, *shapes: tuple[int | None, ...]
 ) -> np.ndarray:
-    """Return a contiguous array of this type; None in `shape` is any size from 1 on."""
+    """Return a contiguous array of one of these shapes; None is any size from 1 on."""
     array = np.ascontiguousarray(array, dtype)
-    fits = len(array.shape) == len(shape) and all(
-        found > 0 if wanted is None else found == wanted
-        for found, wanted in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("n" if size is None else str(size) for size in shape)
-        raise UsageError(f"{name} has shape {array.shape}, not ({wanted})")
+    if not any(_fits(array.shape, shape) for shape in shapes):
+        wanted = (", ".join("n" if n is None else str(n) for n in shape) for shape in shapes)
+        listed = " or ".join(f"({sizes})" for sizes in wanted)
+        raise UsageError(f"{name} has shape {array.shape}, not {listed}")
     if not np.all(np.abs(array) <= HUGE):
         raise UsageError(f"{name} is not finite or beyond {HUGE:g}")
     return array
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    return len(found) == len(shape) and all(
+        size > 0 if wanted is None else size == wanted
+        for size, wanted in zip(found, shape, strict=True)
+    )

@@ -2,6 +2,7 @@
 
 import hashlib
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -10,9 +11,10 @@ from mujoco.batch import Batch, SimulationError
 
 from sumo_dist.errors import UsageError
 from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.variation import Variation
 from sumo_dist.policies import network
 from sumo_dist.policies.policy import Policy
-from sumo_dist.rollout.base import DIVERGED, HUGE, RolloutEngine
+from sumo_dist.rollout.base import DIVERGED, HUGE, Request, RolloutEngine
 from sumo_dist.rollout.interface import Rollouts
 
 CHUNK = 32  # rows that are simulated at a time
@@ -30,9 +32,14 @@ class FallbackEngine(RolloutEngine):
     """Rollouts in chunks of rows; a policy's `step` does not mix rows, nor does `mujoco.batch`."""
 
     def __init__(
-        self, model: mujoco.MjModel, policy: Policy, frames: tuple[FrameRef, ...], threads: int
+        self,
+        model: mujoco.MjModel,
+        policy: Policy,
+        frames: tuple[FrameRef, ...],
+        threads: int,
+        variations: Sequence[Variation] = (),
     ) -> None:
-        super().__init__(model, policy, frames, threads)
+        super().__init__(model, policy, frames, threads, variations)
         self.name, self.build = identity()
         batch = Batch(self._model, CHUNK, threads)
         fields = {"site": ("site_xpos", "site_xmat"), "body": ("xpos", "xmat")}
@@ -47,14 +54,13 @@ class FallbackEngine(RolloutEngine):
         self._sources = []
         self._batch = None
 
-    def _roll_out(
-        self, start: np.ndarray, memory: np.ndarray, commands: np.ndarray, out: Rollouts
-    ) -> None:
+    def _roll_out(self, request: Request, out: Rollouts) -> None:
         if self._batch is None:
             raise UsageError("this rollout engine is closed")
-        out.memory[:] = memory
+        out.memory[:] = request.memories
         out.valid[:] = True
-        for first in range(0, len(commands), CHUNK):
+        starts = np.broadcast_to(request.starts, (len(out.valid), request.starts.shape[1]))
+        for first in range(0, len(out.valid), CHUNK):
             rows = slice(first, first + CHUNK)
             part = Rollouts(
                 states=out.states[rows],
@@ -63,13 +69,18 @@ class FallbackEngine(RolloutEngine):
                 memory=out.memory[rows],
                 valid=out.valid[rows],
             )
-            self._roll_out_chunk(self._batch, start, commands[rows], part)
+            self._choose(self._batch, request.models[rows])
+            self._batch.state[: len(part.valid)] = starts[rows]
+            self._roll_out_chunk(self._batch, request.commands[rows], part)
 
-    def _roll_out_chunk(
-        self, batch: Batch, start: np.ndarray, commands: np.ndarray, out: Rollouts
-    ) -> None:
+    def _choose(self, batch: Batch, models: np.ndarray) -> None:
+        """Give each of a chunk's rows its model."""
+        if len(self._models) > 1:
+            idle = [self._model] * (CHUNK - len(models))
+            batch.set_models([*(self._models[i] for i in models), *idle])
+
+    def _roll_out_chunk(self, batch: Batch, commands: np.ndarray, out: Rollouts) -> None:
         rows, ticks = commands.shape[:2]
-        batch.state[:] = start
         batch.warning[:, DIVERGED, 1] = 1  # MuJoCo logs only a counter's first increment
         qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
         for tick in range(ticks):

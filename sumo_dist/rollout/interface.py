@@ -44,7 +44,8 @@ class Controller(Protocol):
 class Engine(Protocol):
     """Policy-in-the-loop rollouts on one model. Not thread-safe; close it when done, or use with.
 
-    A row that diverges or becomes non-finite is marked, and NaN from that step on.
+    A row's result depends on its start, memory, commands and model alone, not on its neighbours. A
+    row that diverges or becomes non-finite is marked, and NaN from that step on.
     """
 
     name: str  # "native-avx2" | "native-portable" | "fallback"
@@ -55,13 +56,21 @@ class Engine(Protocol):
 
     def __exit__(self, *_: object) -> None: ...
 
-    def rollout(self, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Rollouts:
-        """Roll out B command sequences from one state.
+    def rollout(
+        self,
+        state: np.ndarray,
+        memory: np.ndarray,
+        commands: np.ndarray,
+        models: np.ndarray | None = None,
+    ) -> Rollouts:
+        """Roll out B command sequences.
 
         Args:
-            state: (nq + nv,) float64.
-            memory: (nm,) float32 policy memory before the first step.
+            state: (nq + nv,) float64 from which all rows start, or (B, nq + nv).
+            memory: (nm,) float32 policy memory before the first step, or (B, nm).
             commands: (B, T, nc) float64.
+            models: (B,) integers, which model a row runs on: 0 the engine's own, i the i-th of
+                the variations that the engine was made with. None is 0 for all.
         """
         ...
 

@@ -2,17 +2,18 @@
 
 import ctypes
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.model.frames import FrameRef
-from sumo_dist.policies import g1, hold, spot
+from sumo_dist.model.variation import Variation
+from sumo_dist.policies import g1_layout, hold, spot_layout
 from sumo_dist.policies.policy import Policy
 from sumo_dist.rollout import _native
-from sumo_dist.rollout.base import DIVERGED, RESET_STATE, RolloutEngine, frame_arrays
+from sumo_dist.rollout.base import DIVERGED, RESET_STATE, Request, RolloutEngine, frame_arrays
 from sumo_dist.rollout.interface import Rollouts
 
 GROUP = 8  # simulations per thread: they share a network evaluation; many would outgrow the cache
@@ -34,9 +35,10 @@ class NativeEngine(RolloutEngine):
         policy: Policy,
         frames: tuple[FrameRef, ...],
         threads: int,
+        variations: Sequence[Variation] = (),
         portable: bool = False,
     ) -> None:
-        super().__init__(model, policy, frames, threads)
+        super().__init__(model, policy, frames, threads, variations)
         self.name, self.build = identity(portable)
         self._pool = [mujoco.MjData(self._model) for _ in range(threads * GROUP)]
         simulations = [self._simulation(data) for data in self._pool]
@@ -49,15 +51,14 @@ class NativeEngine(RolloutEngine):
         self._engine = None
         self._pool = []
 
-    def _roll_out(
-        self, start: np.ndarray, memory: np.ndarray, commands: np.ndarray, out: Rollouts
-    ) -> None:
+    def _roll_out(self, request: Request, out: Rollouts) -> None:
         if self._engine is None:
             raise UsageError("this rollout engine is closed")
         self._engine.rollout(
-            start,
-            memory,
-            commands,
+            request.starts,
+            request.memories,
+            request.commands,
+            request.models,
             out.states,
             out.positions,
             out.rotations,
@@ -69,7 +70,7 @@ class NativeEngine(RolloutEngine):
         # The bindings' own module resolves to the one libmujoco that is loaded.
         library = ctypes.CDLL(mujoco._functions.__file__)
         return _native.Physics(
-            model=self._model._address,
+            models=[model._address for model in self._models],
             step=_function(library, "mj_step"),
             set_state=_function(library, "mj_setState"),
             kinematics=_function(library, "mj_kinematics"),
@@ -126,30 +127,39 @@ class NativeController:
 
 
 def _spot_relic(policy: Policy, portable: bool) -> _native.Policy:
-    return _native.spot_relic(
-        policy.layers,
-        spot.JOINTS_TO_NETWORK,
-        spot.ACTION_TO_LEGS,
-        spot.JOINT_OFFSETS,
-        spot.ACTION_SCALE,
-        portable,
-    )
+    layout = _native.SpotLayout()
+    layout.joints_to_network = spot_layout.JOINTS_TO_NETWORK
+    layout.action_to_legs = spot_layout.ACTION_TO_LEGS
+    layout.joint_offsets = spot_layout.JOINT_OFFSETS
+    layout.action_scale = spot_layout.ACTION_SCALE
+    layout.leg_size = spot_layout.LEG_SIZE
+    layout.command_size = spot_layout.COMMAND_SIZE
+    layout.command_arm = spot_layout.COMMAND_ARM_JOINTS.start
+    layout.command_legs = spot_layout.COMMAND_LEGS.start
+    return _native.spot_relic(policy.layers, layout, portable)
 
 
 def _g1_gait(policy: Policy, portable: bool) -> _native.Policy:
-    return _native.g1_gait(
-        policy.layers,
-        g1.JOINT_OFFSETS,
-        g1.ACTION_SCALE,
-        g1.SPIN_SCALE,
-        g1.JOINT_SPEED_SCALE,
-        g1.PHASES.tolist(),
-        g1.STAND_BELOW,
-        g1.FEEDBACK_GAIN,
-        g1.FEEDBACK_LIMIT,
-        g1.FEEDBACK_SHARE,
-        portable,
-    )
+    layout = _native.G1Layout()
+    layout.joint_offsets = g1_layout.JOINT_OFFSETS
+    layout.action_scale = g1_layout.ACTION_SCALE
+    layout.spin_scale = g1_layout.SPIN_SCALE
+    layout.joint_speed_scale = g1_layout.JOINT_SPEED_SCALE
+    layout.phases = g1_layout.PHASES.tolist()
+    layout.standing = g1_layout.STANDING
+    layout.stand_below = g1_layout.STAND_BELOW
+    layout.feedback_gain = g1_layout.FEEDBACK_GAIN
+    layout.feedback_limit = g1_layout.FEEDBACK_LIMIT
+    layout.feedback_share = g1_layout.FEEDBACK_SHARE
+    layout.first_arm = g1_layout.ARMS.start
+    layout.arm_size = g1_layout.ARM_SIZE
+    layout.command_size = g1_layout.COMMAND_SIZE
+    layout.command_arms = g1_layout.COMMAND_ARMS.start
+    layout.command_follows = g1_layout.COMMAND_FOLLOWS.start
+    layout.memory_size = g1_layout.MEMORY_SIZE
+    layout.memory_gait = g1_layout.MEMORY_GAIT
+    layout.memory_velocity = g1_layout.MEMORY_VELOCITY.start
+    return _native.g1_gait(policy.layers, layout, portable)
 
 
 def _hold_targets(policy: Policy, portable: bool) -> _native.Policy:
@@ -158,8 +168,8 @@ def _hold_targets(policy: Policy, portable: bool) -> _native.Policy:
 
 
 NATIVE_POLICIES: dict[str, Callable[[Policy, bool], _native.Policy]] = {
-    spot.KIND: _spot_relic,
-    g1.KIND: _g1_gait,
+    spot_layout.KIND: _spot_relic,
+    g1_layout.KIND: _g1_gait,
     hold.KIND: _hold_targets,
 }
 

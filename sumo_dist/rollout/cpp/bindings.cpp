@@ -78,28 +78,10 @@ const sumo::Kernel& kernel(bool portable) {
   return portable ? sumo::portable_kernel() : sumo::best_kernel();
 }
 
-std::shared_ptr<sumo::Policy> spot_relic(
-    const std::vector<Layer>& layers,
-    const std::array<int, sumo::SpotLayout::kJoints>& joints_to_network,
-    const std::array<int, sumo::SpotLayout::kLegJoints>& action_to_legs,
-    const std::array<double, sumo::SpotLayout::kJoints>& joint_offsets, double action_scale,
-    bool portable) {
-  return std::make_shared<sumo::SpotRelic>(
-      make_network(layers, kernel(portable)),
-      sumo::SpotLayout{joints_to_network, action_to_legs, joint_offsets, action_scale});
-}
-
-std::shared_ptr<sumo::Policy> g1_gait(
-    const std::vector<Layer>& layers,
-    const std::array<double, sumo::G1Layout::kJoints>& joint_offsets, double action_scale,
-    double spin_scale, double joint_speed_scale,
-    const std::vector<std::array<float, sumo::G1Layout::kPhases>>& phases, double stand_below,
-    const std::array<double, 3>& feedback_gain, double feedback_limit, double feedback_share,
-    bool portable) {
-  return std::make_shared<sumo::G1Gait>(
-      make_network(layers, kernel(portable)),
-      sumo::G1Layout{joint_offsets, action_scale, spin_scale, joint_speed_scale, phases,
-                     stand_below, feedback_gain, feedback_limit, feedback_share});
+template <typename Kind, typename Layout>
+std::shared_ptr<sumo::Policy> make_policy(const std::vector<Layer>& layers, const Layout& layout,
+                                          bool portable) {
+  return std::make_shared<Kind>(make_network(layers, kernel(portable)), layout);
 }
 
 // One network evaluation per row, for tests and timing of the kernels.
@@ -146,14 +128,24 @@ sumo::Simulation make_simulation(Address data, Address qpos, Address qvel, Addre
   return sim;
 }
 
-void rollout(sumo::Engine& engine, Array<const double, 1> start, Array<const float, 1> memory,
-             Array<const double, 3> commands, Array<double, 3> states, Array<double, 4> positions,
-             Array<double, 5> rotations, Array<float, 2> memory_out, Array<bool, 1> valid) {
+// From one row to the next; a single row is shared by all.
+template <typename T>
+long stride(const Array<T, 2>& rows) {
+  return rows.shape(0) == 1 ? 0 : static_cast<long>(rows.shape(1));
+}
+
+void rollout(sumo::Engine& engine, Array<const double, 2> starts, Array<const float, 2> memories,
+             Array<const double, 3> commands, Array<const int, 1> models, Array<double, 3> states,
+             Array<double, 4> positions, Array<double, 5> rotations, Array<float, 2> memory_out,
+             Array<bool, 1> valid) {
   const sumo::Request request{static_cast<int>(commands.shape(0)),
                               static_cast<int>(commands.shape(1)),
-                              start.data(),
-                              memory.data(),
+                              starts.data(),
+                              stride(starts),
+                              memories.data(),
+                              stride(memories),
                               commands.data(),
+                              models.data(),
                               states.data(),
                               positions.data(),
                               rotations.data(),
@@ -172,11 +164,43 @@ NB_MODULE(_native, m) {
 
   nb::class_<sumo::Policy>(m, "Policy")
       .def("step", &step, "qpos"_a, "qvel"_a, "command"_a, "memory"_a, "targets"_a);
-  m.def("spot_relic", &spot_relic, "layers"_a, "joints_to_network"_a, "action_to_legs"_a,
-        "joint_offsets"_a, "action_scale"_a, "portable"_a);
-  m.def("g1_gait", &g1_gait, "layers"_a, "joint_offsets"_a, "action_scale"_a, "spin_scale"_a,
-        "joint_speed_scale"_a, "phases"_a, "stand_below"_a, "feedback_gain"_a, "feedback_limit"_a,
-        "feedback_share"_a, "portable"_a);
+  using sumo::SpotLayout;
+  nb::class_<SpotLayout>(m, "SpotLayout")
+      .def(nb::init<>())
+      .def_rw("joints_to_network", &SpotLayout::joints_to_network)
+      .def_rw("action_to_legs", &SpotLayout::action_to_legs)
+      .def_rw("joint_offsets", &SpotLayout::joint_offsets)
+      .def_rw("action_scale", &SpotLayout::action_scale)
+      .def_rw("leg_size", &SpotLayout::leg_size)
+      .def_rw("command_size", &SpotLayout::command_size)
+      .def_rw("command_arm", &SpotLayout::command_arm)
+      .def_rw("command_legs", &SpotLayout::command_legs);
+  m.def("spot_relic", &make_policy<sumo::SpotRelic, SpotLayout>, "layers"_a, "layout"_a,
+        "portable"_a);
+
+  using sumo::G1Layout;
+  nb::class_<G1Layout>(m, "G1Layout")
+      .def(nb::init<>())
+      .def_rw("joint_offsets", &G1Layout::joint_offsets)
+      .def_rw("action_scale", &G1Layout::action_scale)
+      .def_rw("spin_scale", &G1Layout::spin_scale)
+      .def_rw("joint_speed_scale", &G1Layout::joint_speed_scale)
+      .def_rw("phases", &G1Layout::phases)
+      .def_rw("standing", &G1Layout::standing)
+      .def_rw("stand_below", &G1Layout::stand_below)
+      .def_rw("feedback_gain", &G1Layout::feedback_gain)
+      .def_rw("feedback_limit", &G1Layout::feedback_limit)
+      .def_rw("feedback_share", &G1Layout::feedback_share)
+      .def_rw("first_arm", &G1Layout::first_arm)
+      .def_rw("arm_size", &G1Layout::arm_size)
+      .def_rw("command_size", &G1Layout::command_size)
+      .def_rw("command_arms", &G1Layout::command_arms)
+      .def_rw("command_follows", &G1Layout::command_follows)
+      .def_rw("memory_size", &G1Layout::memory_size)
+      .def_rw("memory_gait", &G1Layout::memory_gait)
+      .def_rw("memory_velocity", &G1Layout::memory_velocity);
+  m.def("g1_gait", &make_policy<sumo::G1Gait, G1Layout>, "layers"_a, "layout"_a, "portable"_a);
+
   m.def(
       "hold_targets",
       [](int targets) -> std::shared_ptr<sumo::Policy> {
@@ -197,9 +221,12 @@ NB_MODULE(_native, m) {
   nb::class_<sumo::Physics>(m, "Physics")
       .def(
           "__init__",
-          [](sumo::Physics* self, Address model, Address step, Address set_state,
-             Address kinematics, int signature, int nq, int nv, int nu, int substeps) {
-            new (self) sumo::Physics{at<const void*>(model),
+          [](sumo::Physics* self, const std::vector<Address>& models, Address step,
+             Address set_state, Address kinematics, int signature, int nq, int nv, int nu,
+             int substeps) {
+            std::vector<const void*> pointers;
+            for (const Address model : models) pointers.push_back(at<const void*>(model));
+            new (self) sumo::Physics{pointers,
                                      at<decltype(sumo::Physics::step)>(step),
                                      at<decltype(sumo::Physics::set_state)>(set_state),
                                      at<decltype(sumo::Physics::kinematics)>(kinematics),
@@ -209,13 +236,13 @@ NB_MODULE(_native, m) {
                                      nu,
                                      substeps};
           },
-          "model"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a, "nu"_a,
-          "substeps"_a);
+          "models"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a,
+          "nu"_a, "substeps"_a);
 
   nb::class_<sumo::Engine>(m, "Engine")
       .def(nb::init<const sumo::Physics&, std::shared_ptr<const sumo::Policy>,
                     const std::vector<sumo::Simulation>&, int>(),
            "physics"_a, "policy"_a, "simulations"_a, "threads"_a)
-      .def("rollout", &rollout, "start"_a, "memory"_a, "commands"_a, "states"_a, "positions"_a,
-           "rotations"_a, "memory_out"_a, "valid"_a);
+      .def("rollout", &rollout, "starts"_a, "memories"_a, "commands"_a, "models"_a, "states"_a,
+           "positions"_a, "rotations"_a, "memory_out"_a, "valid"_a);
 }

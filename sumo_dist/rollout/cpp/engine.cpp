@@ -41,7 +41,7 @@ class Engine::Group {
       live.erase(std::remove_if(live.begin(), live.end(), diverges), live.end());
     }
     for (const int i : lane_.live) {
-      physics_.kinematics(physics_.model, lane_.simulations[i].data);
+      physics_.kinematics(model(i), lane_.simulations[i].data);
       record_frames(i, request_.ticks - 1);
     }
   }
@@ -49,10 +49,11 @@ class Engine::Group {
  private:
   void reset(int i) {
     const Simulation& sim = lane_.simulations[i];
-    physics_.set_state(physics_.model, sim.data, request_.start, physics_.signature);
+    const double* start = request_.starts + row_of(i) * request_.start_stride;
+    physics_.set_state(model(i), sim.data, start, physics_.signature);
     for (int* warning : sim.warnings) *warning = 1;  // MuJoCo logs only a counter's first increment
-    std::copy_n(request_.memory, sizes_.memory, memory(i));
-    request_.valid[first_ + i] = true;
+    std::copy_n(request_.memories + row_of(i) * request_.memory_stride, sizes_.memory, memory(i));
+    request_.valid[row_of(i)] = true;
     lane_.live.push_back(i);
   }
 
@@ -70,7 +71,7 @@ class Engine::Group {
   bool advance(int i, int tick) {
     const Simulation& sim = lane_.simulations[i];
     for (int substep = 0; substep < physics_.substeps; ++substep) {
-      physics_.step(physics_.model, sim.data);
+      physics_.step(model(i), sim.data);
       // mj_step leaves frames of the state it started from: those of the last recorded row.
       if (substep == 0 && tick > 0) record_frames(i, tick - 1);
       if (!healthy(sim)) {
@@ -111,13 +112,13 @@ class Engine::Group {
     fill(request_.positions, frames_ * 3L);
     fill(request_.rotations, frames_ * 9L);
     std::fill_n(memory(i), sizes_.memory, std::numeric_limits<float>::quiet_NaN());
-    request_.valid[first_ + i] = false;
+    request_.valid[row_of(i)] = false;
   }
 
-  long at(int i, int tick) const { return static_cast<long>(first_ + i) * request_.ticks + tick; }
-  float* memory(int i) const {
-    return request_.memory_out + static_cast<long>(first_ + i) * sizes_.memory;
-  }
+  long row_of(int i) const { return first_ + i; }
+  long at(int i, int tick) const { return row_of(i) * request_.ticks + tick; }
+  const void* model(int i) const { return physics_.models[request_.models[row_of(i)]]; }
+  float* memory(int i) const { return request_.memory_out + row_of(i) * sizes_.memory; }
 
   const Physics& physics_;
   const Policy& policy_;

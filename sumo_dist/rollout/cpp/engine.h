@@ -14,7 +14,7 @@
 namespace sumo {
 
 struct Physics {
-  const void* model;
+  std::vector<const void*> models;  // the model itself, then its variations, equal in all sizes
   void (*step)(const void* model, void* data);
   void (*set_state)(const void* model, void* data, const double* state, int signature);
   void (*kinematics)(const void* model, void* data);
@@ -39,9 +39,12 @@ struct Simulation {
 
 struct Request {
   int rows, ticks;
-  const double* start;     // state to reset to, as of Physics::signature
-  const float* memory;     // before the first step
+  const double* starts;   // states to reset to, as of Physics::signature
+  long start_stride;      // from a row's start to the next row's; 0 if all share one
+  const float* memories;  // before the first step
+  long memory_stride;
   const double* commands;  // rows x ticks x command
+  const int* models;       // rows, which of Physics::models
   // Results, see sumo_dist/rollout/interface.py.
   double* states;     // rows x ticks x (nq + nv)
   double* positions;  // rows x ticks x frames x 3

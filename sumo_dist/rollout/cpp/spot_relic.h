@@ -1,9 +1,10 @@
-// Spot's whole-body policy (Relic): see sumo_dist/policies/spot.py, which states the layout and
-// whose `step` this repeats.
+// Spot's whole-body policy (Relic): see sumo_dist/policies/spot.py, whose `step` this repeats, and
+// spot_layout.py, where the layout's numbers come from.
 #pragma once
 
-#include <array>
+#include <limits>
 #include <memory>
+#include <vector>
 
 #include "mlp.h"
 #include "policy.h"
@@ -11,19 +12,22 @@
 namespace sumo {
 
 struct SpotLayout {
-  static constexpr int kJoints = 19;
-  static constexpr int kLegJoints = 12;
+  std::vector<int> joints_to_network;  // network order[i] = model order[...[i]]
+  std::vector<int> action_to_legs;     // leg targets[i] = action[...[i]]
+  std::vector<double> joint_offsets;   // model order, legs before the arm [rad]
+  double action_scale = std::numeric_limits<double>::quiet_NaN();  // [rad]
+  int leg_size = 0;                                                // joints
+  int command_size = 0;
+  int command_arm = -1;  // where the targets of arm and legs begin
+  int command_legs = -1;
 
-  std::array<int, kJoints> joints_to_network;  // network order[i] = model order[...[i]]
-  std::array<int, kLegJoints> action_to_legs;  // leg targets[i] = action[...[i]]
-  std::array<double, kJoints> joint_offsets;   // model order [rad]
-  double action_scale;                         // [rad]
+  int joints() const { return static_cast<int>(joint_offsets.size()); }
+  int leg_joints() const { return static_cast<int>(action_to_legs.size()); }
+  int arm_joints() const { return joints() - leg_joints(); }
 };
 
 class SpotRelic final : public Policy {
  public:
-  static constexpr int kObservation = 84;
-
   SpotRelic(Mlp network, const SpotLayout& layout);
 
   PolicySizes sizes() const override;
