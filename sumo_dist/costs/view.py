@@ -69,25 +69,42 @@ class Joint:
     Attributes:
         pos: (B, T) [rad] or [m].
         vel: (B, T) [rad/s] or [m/s].
+        servo: (B, T) position that its servo held during the step; None for a joint without one.
     """
 
     pos: np.ndarray
     vel: np.ndarray
+    servo: np.ndarray | None = None
+
+    @property
+    def target(self) -> np.ndarray:
+        """(B, T) position that its servo held during the step [rad] or [m]."""
+        if self.servo is None:
+            raise UsageError("this joint has no target: no servo drives it")
+        return self.servo
 
 
 class Joints(Mapping[str, Joint]):
     """The joints of all bodies of a scene, by the names of its model."""
 
-    def __init__(self, states: np.ndarray, columns: Mapping[str, tuple[int, int]]) -> None:
-        """Hold states (B, T, nq + nv), and where in them each joint's two numbers are."""
-        self._states, self._columns = states, columns
+    def __init__(
+        self,
+        states: np.ndarray,
+        targets: np.ndarray,
+        columns: Mapping[str, tuple[int, int]],
+        servos: Mapping[str, int],
+    ) -> None:
+        """Hold states (B, T, nq + nv) and targets (B, T, nu), and where in them each joint is."""
+        self._states, self._targets = states, targets
+        self._columns, self._servos = columns, servos
 
     def __getitem__(self, name: str) -> Joint:
         """Return a joint, or say which there are."""
         if name not in self._columns:
             raise unknown("joint", name, self._columns)
         pos, vel = self._columns[name]
-        return Joint(self._states[..., pos], self._states[..., vel])
+        servo = self._targets[..., self._servos[name]] if name in self._servos else None
+        return Joint(self._states[..., pos], self._states[..., vel], servo)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)
@@ -145,6 +162,8 @@ class ViewLayout:
         self.refs = tuple(frames.values())
         index = StateIndex(model)
         self._joints = index.columns
+        driven = (model.joint(joint).name for joint in model.actuator_trnid[:, 0])
+        self._servos = {name: servo for servo, name in enumerate(driven)}
         self._velocity = {
             name: index.velocity(ref.name)
             for name, ref in frames.items()
@@ -154,6 +173,7 @@ class ViewLayout:
     def view(
         self,
         states: np.ndarray,
+        targets: np.ndarray,
         positions: np.ndarray,
         rotations: np.ndarray,
         actions: np.ndarray,
@@ -164,7 +184,9 @@ class ViewLayout:
         for i, name in enumerate(self.names):
             velocity = states[..., self._velocity[name]] if name in self._velocity else None
             frames[name] = Frame(name, positions[:, :, i], rotations[:, :, i], velocity)
-        return View(frames, actions, parameters, Joints(states, self._joints))
+        return View(
+            frames, actions, parameters, Joints(states, targets, self._joints, self._servos)
+        )
 
     def at(self, data: mujoco.MjData, nu: int = 0, parameters: Parameters = NO_PARAMETERS) -> View:
         """Name the arrays of a simulation's present: one rollout of one step, all nu actions 0.
@@ -176,6 +198,7 @@ class ViewLayout:
         ]
         return self.view(
             np.concatenate([data.qpos, data.qvel])[None, None],
+            data.ctrl[None, None].copy(),
             np.array([frame.xpos for frame in frames])[None, None],
             np.array([frame.xmat for frame in frames]).reshape(1, 1, -1, 3, 3),
             np.zeros((1, 1, nu)),

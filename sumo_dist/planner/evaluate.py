@@ -95,7 +95,7 @@ class Evaluator:
         """Cost terms (B, n_terms) of rollouts, unweighted, under parameters (n,)."""
         task = self._problem.task
         view = self._problem.layout.view(
-            *(rollouts.states, rollouts.positions, rollouts.rotations, physical),
+            *(rollouts.states, rollouts.targets, rollouts.positions, rollouts.rotations, physical),
             task.table.named(parameters),
         )
         with np.errstate(invalid="ignore", over="ignore"):

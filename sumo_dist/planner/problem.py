@@ -1,5 +1,6 @@
 """A task compiled for planning: model, policy, engine and the hash that names all of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from sumo_dist.costs.view import ViewLayout
 from sumo_dist.model.scene import ModelOptions, compile_model
+from sumo_dist.model.variation import Variation
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.policies import Policy, load_policy
@@ -48,9 +50,12 @@ class Problem:
         layout = ViewLayout(model, task.frames)
         return cls(task, model, policy, layout, _hash(task, model, policy))
 
-    def engine(self, threads: int, kind: str = "auto") -> Engine:
-        """Start a rollout engine that records the task's frames."""
-        return make_engine(self.model, self.policy, self.layout.refs, threads, kind)
+    def engine(
+        self, threads: int, kind: str = "auto", variations: Sequence[Variation] = ()
+    ) -> Engine:
+        """Start a rollout engine that records the task's frames; see `rollout.make_engine`."""
+        refs = self.layout.refs
+        return make_engine(self.model, self.policy, refs, threads, kind, variations)
 
 
 def planning_options(config: PlannerConfig) -> ModelOptions:

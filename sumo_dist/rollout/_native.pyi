@@ -93,6 +93,7 @@ class Engine:
         commands: np.ndarray,
         models: np.ndarray,
         states: np.ndarray,
+        targets: np.ndarray,
         positions: np.ndarray,
         rotations: np.ndarray,
         memory_out: np.ndarray,

@@ -105,6 +105,7 @@ class RolloutEngine(ABC):
         request = Request(self._starts(state), memory, commands, self._chosen(models, rows))
         out = Rollouts(
             states=np.empty((rows, ticks, size)),
+            targets=np.empty((rows, ticks, self._model.nu)),
             positions=np.empty((rows, ticks, len(self.frames), 3)),
             rotations=np.empty((rows, ticks, len(self.frames), 3, 3)),
             memory=np.empty((rows, contract.memory_size), np.float32),

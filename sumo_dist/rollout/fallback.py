@@ -64,6 +64,7 @@ class FallbackEngine(RolloutEngine):
             rows = slice(first, first + CHUNK)
             part = Rollouts(
                 states=out.states[rows],
+                targets=out.targets[rows],
                 positions=out.positions[rows],
                 rotations=out.rotations[rows],
                 memory=out.memory[rows],
@@ -96,6 +97,7 @@ class FallbackEngine(RolloutEngine):
                 out.valid[live] = healthy
                 live = live[healthy]
             out.states[:, tick] = np.concatenate((qpos, qvel), axis=-1)[:rows]
+            out.targets[:, tick] = ctrl[:rows]
             _invalidate(tick, out)
             if not len(live):
                 return
@@ -125,6 +127,6 @@ def _step(batch: Batch, live: np.ndarray) -> np.ndarray:
 
 def _invalidate(tick: int, out: Rollouts) -> None:
     """Blank the rows that are not valid, from this tick on."""
-    for array in (out.states, out.positions, out.rotations):
+    for array in (out.states, out.targets, out.positions, out.rotations):
         array[~out.valid, tick:] = np.nan
     out.memory[~out.valid] = np.nan

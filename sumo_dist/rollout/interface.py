@@ -14,6 +14,7 @@ class Rollouts:
 
     Attributes:
         states: (B, T, nq + nv) qpos then qvel.
+        targets: (B, T, nu) joint targets that the servos held during the step [rad].
         positions: (B, T, F, 3) frame origins, world [m].
         rotations: (B, T, F, 3, 3) frame axes as columns, world.
         memory: (B, nm) policy memory after the last step, float32.
@@ -21,6 +22,7 @@ class Rollouts:
     """
 
     states: np.ndarray
+    targets: np.ndarray
     positions: np.ndarray
     rotations: np.ndarray
     memory: np.ndarray

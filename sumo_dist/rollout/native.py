@@ -60,6 +60,7 @@ class NativeEngine(RolloutEngine):
             request.commands,
             request.models,
             out.states,
+            out.targets,
             out.positions,
             out.rotations,
             out.memory,

@@ -37,16 +37,22 @@ def test_steps_are_reduced_as_the_term_says(view, reduction, expected):
 @pytest.mark.parametrize("steps", [[True, False, False], [True, True, True]])
 def test_an_indicator_counts_once_however_long_it_holds(view, steps):
     fall = CostTerm("fall", constant(np.array([steps, [False] * 3])), 2500.0, "any")
-    assert fall.evaluate(view).tolist() == [2500.0, 0.0]
+    assert fall.evaluate(view).tolist() == [1.0, 0.0]
 
 
-def test_weights_scale_and_a_negative_one_is_a_reward(view):
-    assert CostTerm("t", constant(VALUES), -2.0).evaluate(view).tolist() == [-6.0, 0.0]
+def test_a_share_is_of_the_steps_at_which_it_holds(view):
+    tipped = CostTerm("t", constant(np.array([[True, False, True], [False] * 3])), 50.0, "share")
+    assert tipped.evaluate(view).tolist() == pytest.approx([2 / 3, 0.0])
+
+
+@pytest.mark.parametrize("weight", [-2.0, 0.0, 1e9])
+def test_a_residual_has_no_weight(view, weight):
+    assert CostTerm("t", constant(VALUES), weight).evaluate(view).tolist() == [3.0, 0.0]
 
 
 def test_a_table_has_a_column_per_term(view):
-    terms = (CostTerm("a", constant(VALUES), 1.0), CostTerm("b", constant(VALUES), 10.0))
-    assert evaluate(terms, view).tolist() == [[3.0, 30.0], [0.0, 0.0]]
+    terms = (CostTerm("a", constant(VALUES), 1.0), CostTerm("b", constant(VALUES + 1), 10.0))
+    assert evaluate(terms, view).tolist() == [[3.0, 4.0], [0.0, 1.0]]
 
 
 @pytest.mark.parametrize("shape", [(2,), (2, 3, 3), (3, 2), (2, 1), ()])

@@ -1,3 +1,5 @@
+import itertools
+import queue
 import signal
 import subprocess
 import sys
@@ -9,9 +11,9 @@ from functools import cache
 import pytest
 
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.single import run_single
+from sumo_dist.episode.single import repeat, run_single
 from sumo_dist.episode.summary import read_summary
-from sumo_dist.launch.deployment import Crew, services
+from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service, flags
 from sumo_dist.launch.serve import Router
 from sumo_dist.planner.config import PlannerConfig
@@ -20,7 +22,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import PlanMessage
+from sumo_dist.wire.messages import Ack, CommandMessage, EpisodeInfo, PlanMessage
 
 QUICK = PlannerConfig(rollouts=10, horizon=0.4)
 
@@ -35,15 +37,46 @@ def problem(config):
     return Problem.build(load_task("spot/move_box"), planning_options(config))
 
 
+class Commander:
+    """Gives a robot commands over the bus, until it answers; see `ctl`."""
+
+    def __init__(self, bus, sender="tester"):
+        self._bus, self.sender = bus, sender
+        self._answers = bus.inbox(Ack, sender)
+        self._numbers = itertools.count()
+
+    def __call__(self, verb, name="", value="", number=None):
+        """Return the answer to a command."""
+        number = next(self._numbers) if number is None else number
+        message = CommandMessage("any", number, self.sender, verb, name, value)
+        deadline = time.monotonic() + 30.0
+        while time.monotonic() < deadline:
+            self._bus.publish(message)
+            try:
+                ack = self._answers.get(timeout=0.2)
+            except queue.Empty:
+                continue
+            if ack.number == number:
+                return ack
+        raise AssertionError(f"no answer to {verb} {name} {value}")
+
+
 class System:
     """The services of a run as real processes, which a test may kill, stop and start again."""
 
     def __init__(self, launcher, bus, out):
         self._launcher, self._out = launcher, out
-        self.newest_plan = -1
+        self.bus = bus
+        self.newest_plan = -1  # of the episode
         self.plans = 0  # that were published
         self.answered = 0  # rollouts that the newest of them rests on
+        self.run_id = ""  # of the episode
+        self.hash = ""  # of its task
+        self.number = 0  # of the episode within its session
+        self.episodes = 0  # that were announced, of all sessions
+        bus.subscribe(EpisodeInfo, self._on_episode)
         bus.subscribe(PlanMessage, self._on_plan)
+        self.command = Commander(bus)
         self._services = {}
         self.processes = {}
 
@@ -52,8 +85,17 @@ class System:
 
     def take(self, service, process):
         """Take over a service that runs."""
-        self._services[service.name] = service
+        self.know(service)
         self.processes[service.name] = process
+
+    def know(self, service):
+        """Take note of a service that is started later."""
+        self._services[service.name] = service
+
+    def start_robot(self, **changes):
+        """Start the robot with other options than it was to have."""
+        service = self._services["robot-interface"]
+        self.start(replace(service, options=replace(service.options, **changes)))
 
     def restart(self, name, pause=0.0):
         self.kill(name)
@@ -63,16 +105,19 @@ class System:
     def start_again(self, name):
         self.start(self._services[name])
 
+    def start_like(self, name, new_name, **changes):
+        """Start a service beside one that runs, with other options; return its process."""
+        service = self._services[name]
+        options = replace(service.options, **changes)
+        self.start(replace(service, name=new_name, options=options))
+        return self.processes[new_name]
+
     def replace_robot(self, preexec_fn):
         """Start the robot again, under conditions of its own."""
         self.kill("robot-interface")
         service = self._services["robot-interface"]
         command = [sys.executable, "-m", "sumo_dist", service.command, *flags(service.options)]
         self.processes["robot-interface"] = subprocess.Popen(command, preexec_fn=preexec_fn)  # noqa: PLW1509
-
-    @property
-    def run_id(self):
-        return self._services["robot-interface"].options.run
 
     def kill(self, name):
         self.processes[name].kill()
@@ -81,33 +126,42 @@ class System:
     def signal(self, name, number):
         self.processes[name].send_signal(number)
 
+    def _on_episode(self, info):
+        if info.run != self.run_id:
+            self.run_id, self.hash, self.number = info.run, info.task_hash, info.number
+            self.newest_plan = -1
+            self.episodes += 1
+
     def _on_plan(self, message):
         plan = message.plan
-        if plan.tick == anchor_tick(plan.number):  # not one of the calibration
+        if message.run == self.run_id and plan.tick == anchor_tick(plan.number):
+            # not one of the calibration
             self.newest_plan = max(self.newest_plan, plan.number)
             self.plans += 1
             self.answered = int(message.finite.sum())
 
-    def after_plan(self, number):
-        """Wait until a plan of the run, or a later one, was published."""
-        self._while(lambda: self.newest_plan < number, f"plan {number} did not come")
+    def after_plan(self, number, episode=1):
+        """Wait until a plan of an episode, or a later one, was published."""
+        self._while(
+            lambda: self.number < episode or self.newest_plan < number, f"plan {number} did not come"
+        )
 
     def after_more_plans(self, count):
         """Wait until as many more plans were published, whatever their numbers."""
         end = self.plans + count
         self._while(lambda: self.plans < end, f"{count} more plans did not come")
 
-    def _while(self, condition, complaint, timeout=30.0):
+    def _while(self, condition, complaint, timeout=60.0):
         deadline = time.monotonic() + timeout
         while condition():
             assert time.monotonic() < deadline, complaint
             assert self.processes["robot-interface"].poll() is None, "the robot has ended"
             time.sleep(0.002)
 
-    def finish(self, timeout=60.0):
-        """Wait for the robot to end; return its exit code and the summary."""
+    def finish(self, timeout=60.0, episode=1):
+        """Wait for the robot to end; return its exit code and the summary of an episode."""
         code = self.processes["robot-interface"].wait(timeout)
-        return code, read_summary(self._out)
+        return code, read_summary(self.folder(episode))
 
     def interrupt(self):
         """End a run that has shown what it should, however long that took; return its summary."""
@@ -116,8 +170,18 @@ class System:
         assert (code, summary["end_reason"]) == (130, "interrupted")
         return summary
 
-    def recording(self):
-        return Recording.load(self._out / "run.npz")
+    def folder(self, episode=1):
+        out = self._services["robot-interface"].options.out
+        return out if episode == 1 else out / f"episode-{episode}"
+
+    def recording(self, episode=1):
+        return Recording.load(self.folder(episode) / "run.npz")
+
+
+@pytest.fixture
+def commander():
+    """Return the class of those who give commands over a bus."""
+    return Commander
 
 
 @pytest.fixture
@@ -133,22 +197,46 @@ def run_system(endpoint, tmp_path):
             worker_engine="auto",
             task="spot/move_box",
             resume_wait=0.0,
+            stay=False,
+            viewer=None,
+            starts_robot=True,
             **changes,
         ):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
-            crew = Crew(episode, workers, threads, tmp_path, None, speed, wait, resume_wait)
+            deployment = Deployment(
+                *(episode, workers, threads, tmp_path, viewer, speed, wait, resume_wait, stay)
+            )
             launcher = stack.enter_context(Launcher())
             router = Service("router", "router", Router(endpoint))
             launched = launcher.start(router)
-            bus = stack.enter_context(Bus.dial(endpoint, task.partition("/")[0]))
+            robot = load_task(task).scene.robot.name
+            bus = stack.enter_context(Bus.dial(endpoint, robot))
             system = System(launcher, bus, tmp_path)
             system.take(router, launched)
-            for service in services(crew, endpoint):
+            for service in services(deployment, endpoint):
                 changes = {"engine": worker_engine} if service.command == "rollout-worker" else {}
-                system.start(replace(service, options=replace(service.options, **changes)))
+                service = replace(service, options=replace(service.options, **changes))
+                if starts_robot or service.command != "robot-interface":
+                    system.start(service)
+                else:
+                    system.know(service)
             return system
 
         yield run
+
+
+def digests(recording):
+    return recording.plan_digest, recording.state_digest
+
+
+@pytest.fixture(scope="session")
+def assert_repeats():
+    """Return a function: a recorded episode, run again in one process, has the same bits."""
+
+    def check(recording):
+        assert digests(repeat(recording)) == digests(recording)
+
+    return check
 
 
 @pytest.fixture(scope="session")
@@ -156,10 +244,10 @@ def expected_digests():
     """Return a function: what one process makes of the same episode."""
 
     @cache
-    def digests(optimizer="cem", time_limit=1.0, estimator="truth", task="spot/move_box"):
+    def expected(optimizer="cem", time_limit=1.0, estimator="truth", task="spot/move_box"):
         planner = replace(QUICK, optimizer=optimizer)
         episode = EpisodeConfig(task, 1, planner, estimator=estimator, time_limit=time_limit)
         recording, _ = run_single(episode, threads=1)
-        return recording.plan_digest, recording.state_digest
+        return digests(recording)
 
-    return digests
+    return expected

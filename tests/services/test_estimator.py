@@ -1,14 +1,15 @@
-"""The estimator's desk, and readings that cannot be of the tick they claim."""
+"""The estimator's server: it takes up episodes, and doubts readings of ticks that cannot be."""
 
-import time
+import logging
 
 import numpy as np
 import pytest
 
+from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.model.scene import PLANT, compile_model
-from sumo_dist.services.estimator import JUMP, Desk
+from sumo_dist.services.estimator import JUMP, EstimatorServer
 from sumo_dist.tasks import load_task
-from sumo_dist.wire.messages import Sensors
+from sumo_dist.wire.messages import EpisodeInfo, Sensors
 
 MODEL = compile_model(load_task("spot/move_box").scene, PLANT)
 NONE = np.empty((0, 2)), np.empty((0, 1, 7))
@@ -20,13 +21,22 @@ def reading(tick, run="run"):
     return Sensors(run, tick, truth, stamps, NONE[0], stamps, NONE[1])
 
 
+def info(run="run", task="spot/move_box", number=1, estimator="truth"):
+    return EpisodeInfo(run, EpisodeConfig(task, estimator=estimator).to_json(), "hash", number)
+
+
 @pytest.fixture
-def ask():
+def server():
+    return EstimatorServer()
+
+
+@pytest.fixture
+def ask(server):
     """Return a function: the tick of the answer to readings of a tick, None if there is none."""
-    desk = Desk("truth", MODEL)
+    server.answer(info())
 
     def ask(tick, run="run"):
-        state = desk.answer(reading(tick, run))
+        state = server.answer(reading(tick, run))
         return None if state is None else state.tick
 
     return ask
@@ -49,17 +59,58 @@ def test_a_gap_in_the_readings_costs_one_of_them(ask):
     assert [ask(tick) for tick in (1, 200, 201, 202)] == [1, None, 201, 202]
 
 
-def test_another_run_may_begin_anywhere(ask):
-    assert [ask(500), ask(0, "other"), ask(1, "other")] == [500, 0, 1]
+def test_another_episode_may_begin_anywhere(server, ask):
+    assert ask(500) == 500
+    assert server.answer(info("other", number=2)) is None
+    assert [ask(0, "other"), ask(1, "other")] == [0, 1]
+    assert ask(501) is None  # of the episode that is over
 
 
-def test_a_robot_that_is_started_again_and_asks_too_soon_is_answered_in_the_end(ask, monkeypatch):
-    now = [10.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    assert [ask(tick) for tick in (0, 1, 2)] == [0, 1, 2]
-    answers = []
-    for _ in range(4):  # it asks every quarter of a second
-        now[0] += 0.2
-        answers.append(ask(0))
-    assert answers == [None, None, 0, 0]
-    assert ask(1) == 1
+def test_readings_of_an_episode_that_nobody_has_told_of_are_not_answered(server):
+    assert server.answer(reading(0)) is None
+    server.answer(info())
+    assert server.answer(reading(0)).tick == 0
+
+
+def test_an_episode_that_is_told_of_again_goes_on(server, ask):
+    """The robot says it once more whenever it repeats a question."""
+    assert [ask(tick) for tick in (3, 4)] == [3, 4]
+    server.answer(info())
+    assert ask(3) is None  # it has not begun again
+    assert ask(5) == 5
+
+
+@pytest.mark.parametrize("task", ["spot/none", "/nowhere/task.py"])
+def test_an_episode_that_it_cannot_take_up_is_told_and_the_next_one_is(server, ask, caplog, task):
+    with caplog.at_level(logging.ERROR):
+        server.answer(info("bad", task, number=2))
+    assert [record.levelname for record in caplog.records] == ["ERROR"]
+    assert task in caplog.text
+    assert ask(0, "bad") is None
+    assert server.health()[1]["failures"] == 1
+    server.answer(info("next", number=3))
+    assert ask(0, "next") == 0
+
+
+def test_what_is_no_episode_is_told_and_harms_nothing_that_follows(server, ask, caplog):
+    server.answer(EpisodeInfo("bad", "{}", "hash", 2))
+    assert "an episode of another version" in caplog.text
+    server.answer(info("next", number=3))
+    assert ask(0, "next") == 0
+
+
+def test_its_mode_is_the_estimator_of_the_episode(server):
+    assert server.health()[0] == "waiting"
+    server.answer(info(estimator="lowpass"))
+    assert server.health()[0] == "lowpass"
+
+
+def test_another_task_has_states_of_its_own(server):
+    server.answer(info("r.1"))
+    assert len(server.answer(reading(0, "r.1")).state) == MODEL.nq + MODEL.nv
+    server.answer(info("r.2", "g1/box_push", number=2))
+    other = compile_model(load_task("g1/box_push").scene, PLANT)
+    stamps = np.empty(0, np.int64)
+    truth = np.zeros(other.nq + other.nv)
+    state = server.answer(Sensors("r.2", 0, truth, stamps, NONE[0], stamps, NONE[1]))
+    assert np.array_equal(state.state, truth)

@@ -136,8 +136,8 @@ long stride(const Array<T, 2>& rows) {
 
 void rollout(sumo::Engine& engine, Array<const double, 2> starts, Array<const float, 2> memories,
              Array<const double, 3> commands, Array<const int, 1> models, Array<double, 3> states,
-             Array<double, 4> positions, Array<double, 5> rotations, Array<float, 2> memory_out,
-             Array<bool, 1> valid) {
+             Array<double, 3> targets, Array<double, 4> positions, Array<double, 5> rotations,
+             Array<float, 2> memory_out, Array<bool, 1> valid) {
   const sumo::Request request{static_cast<int>(commands.shape(0)),
                               static_cast<int>(commands.shape(1)),
                               starts.data(),
@@ -147,6 +147,7 @@ void rollout(sumo::Engine& engine, Array<const double, 2> starts, Array<const fl
                               commands.data(),
                               models.data(),
                               states.data(),
+                              targets.data(),
                               positions.data(),
                               rotations.data(),
                               memory_out.data(),
@@ -244,5 +245,5 @@ NB_MODULE(_native, m) {
                     const std::vector<sumo::Simulation>&, int>(),
            "physics"_a, "policy"_a, "simulations"_a, "threads"_a)
       .def("rollout", &rollout, "starts"_a, "memories"_a, "commands"_a, "models"_a, "states"_a,
-           "positions"_a, "rotations"_a, "memory_out"_a, "valid"_a);
+           "targets"_a, "positions"_a, "rotations"_a, "memory_out"_a, "valid"_a);
 }

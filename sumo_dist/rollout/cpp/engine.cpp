@@ -93,6 +93,7 @@ class Engine::Group {
     const Simulation& sim = lane_.simulations[i];
     double* state = request_.states + at(i, tick) * (physics_.nq + physics_.nv);
     std::copy_n(sim.qvel, physics_.nv, std::copy_n(sim.qpos, physics_.nq, state));
+    std::copy_n(sim.ctrl, physics_.nu, request_.targets + at(i, tick) * physics_.nu);
   }
 
   void record_frames(int i, int tick) const {
@@ -109,6 +110,7 @@ class Engine::Group {
       std::fill(array + at(i, tick) * size, array + at(i, request_.ticks) * size, kNaN);
     };
     fill(request_.states, physics_.nq + physics_.nv);
+    fill(request_.targets, physics_.nu);
     fill(request_.positions, frames_ * 3L);
     fill(request_.rotations, frames_ * 9L);
     std::fill_n(memory(i), sizes_.memory, std::numeric_limits<float>::quiet_NaN());

@@ -47,6 +47,7 @@ struct Request {
   const int* models;       // rows, which of Physics::models
   // Results, see sumo_dist/rollout/interface.py.
   double* states;     // rows x ticks x (nq + nv)
+  double* targets;    // rows x ticks x nu
   double* positions;  // rows x ticks x frames x 3
   double* rotations;  // rows x ticks x frames x 9
   float* memory_out;  // rows x memory
