@@ -12,7 +12,7 @@ import tyro
 from sumo_dist.bench.layout import heading, markdown
 from sumo_dist.errors import UsageError
 from sumo_dist.faults.growth import Growth
-from sumo_dist.faults.run import play
+from sumo_dist.faults.run import run_script
 from sumo_dist.faults.script import read_script
 from sumo_dist.faults.verdict import Outcome, counted
 from sumo_dist.provenance import timing_provenance
@@ -54,7 +54,7 @@ def main(options: Options) -> int:
         for episode in range(options.episodes):
             seeded = replace(script, seed=script.seed + episode)
             keep = options.keep / f"{script.name}-{seeded.seed}" if options.keep else None
-            outcome = play(seeded, keep)
+            outcome = run_script(seeded, keep)
             outcomes.append(outcome)
             verdict = "; ".join(outcome.failures) or "as it must be"
             print(f"{script.name} seed {seeded.seed}: {verdict}", file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
-"""A real cable between this machine and a few processes, which can be unplugged.
+"""A real link between this machine and a few processes, which can be unplugged (Linux, root).
 
-The processes run in a network namespace of their own; a pair of virtual Ethernet devices joins it
-to the machine's. Nothing but loopback and that pair is touched, and both are removed again.
+The processes run in a network namespace; a pair of virtual Ethernet devices joins it to the
+machine's network. Nothing but loopback and that pair is touched, and both are removed again.
 """
 
 import ipaddress
@@ -11,19 +11,18 @@ import shutil
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from sumo_dist.errors import SumoError, UsageError
 
-RANGE = ipaddress.IPv4Network("169.254.0.0/16")  # of links that nobody routes
-_COMMAND_S = 10.0
+RANGE = ipaddress.IPv4Network("169.254.0.0/16")  # link-local: not routed
+COMMAND_S = 10.0  # an `ip` command that takes longer has failed
 
 
-class Cable:
-    """A namespace and the cable to it. A context manager; close it after its processes.
+class NetnsLink:
+    """A namespace and the link to it. A context manager; close it after its processes.
 
     Attributes:
         host: address of this machine's end.
@@ -40,29 +39,26 @@ class Cable:
             raise UsageError("services can be set apart on Linux only")
         if os.geteuid() != 0:
             raise UsageError("setting services apart needs root, for a network of their own")
-        if (tool := shutil.which("ip")) is None:
+        if (ip := shutil.which("ip")) is None:
             raise UsageError("setting services apart needs the command ip (iproute2)")
-        self._ip = tool
+        self._ip, self._stack = ip, ExitStack()
         self._space = f"sumo-{os.getpid()}"
-        self._near, self._far = (
-            f"sumo{os.getpid()}n",
-            f"sumo{os.getpid()}f",
-        )  # at most 15 characters
-        self.prefix = (tool, "netns", "exec", self._space)
-        self.host, self._there, self._bits = "", "", 30
+        self._near, self._far = (f"sumo{os.getpid()}{end}" for end in "nf")  # 15 characters at most
+        self.host, self.prefix = "", (ip, "netns", "exec", self._space)
 
     def __enter__(self) -> Self:
-        taken = *Path("/run/netns").glob(self._space), *Path("/sys/class/net").glob(self._near)
-        if taken:
-            raise SumoError(f"{taken[0]} is there already, of a process of the same number")
-        with ExitStack() as stack:
-            stack.callback(self._remove)
-            self._lay()
-            stack.pop_all()
+        with self._stack as stack:  # if a step fails, what was made before is removed
+            self._run("netns", "add", self._space)
+            stack.callback(self._remove, "netns", self._space)
+            pair = ("type", "veth", "peer", "name", self._far, "netns", self._space)
+            self._run("link", "add", self._near, *pair)
+            stack.callback(self._remove, "link", self._near)  # the far end goes with it
+            self._connect()
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._remove()
+        self._stack.close()
 
     def unplug(self) -> None:
         """Set the far end down."""
@@ -72,37 +68,23 @@ class Cable:
         """Set the far end up."""
         self._run("-n", self._space, "link", "set", self._far, "up")
 
-    def _lay(self) -> None:
-        network = free_network(self._taken())
-        self.host, self._there = (str(address) for address in network.hosts())
-        far = ("-n", self._space)
-        self._run("netns", "add", self._space)
-        pair = ("type", "veth", "peer", "name", self._far, "netns", self._space)
-        self._run("link", "add", self._near, *pair)
-        self._run("addr", "add", f"{self.host}/{self._bits}", "dev", self._near)
-        self._run(*far, "addr", "add", f"{self._there}/{self._bits}", "dev", self._far)
+    def _connect(self) -> None:
+        routes = json.loads(self._run("-j", "-4", "route", "show", "table", "all") or "[]")
+        names = [route.get("dst", "") for route in routes]
+        taken = [ipaddress.IPv4Network(n, strict=False) for n in names if n not in ("", "default")]
+        self.host, far_host = map(str, free_network(taken).hosts())
+        self._run("addr", "add", f"{self.host}/30", "dev", self._near)
+        self._run("-n", self._space, "addr", "add", f"{far_host}/30", "dev", self._far)
         self._run("link", "set", self._near, "up")
-        self._run(*far, "link", "set", "lo", "up")
+        self._run("-n", self._space, "link", "set", "lo", "up")
         self.plug_in()
 
-    def _remove(self) -> None:
-        """Remove what there is of it; the cable goes with either of its ends."""
+    def _remove(self, kind: str, name: str) -> None:
         with suppress(SumoError):
-            self._run("link", "delete", self._near)
-        with suppress(SumoError):
-            self._run("netns", "delete", self._space)
-
-    def _taken(self) -> list[ipaddress.IPv4Network]:
-        """Networks that this machine reaches."""
-        routes = json.loads(self._run("-j", "-4", "route", "show", "table", "all") or "[]")
-        named = (route.get("dst", "") for route in routes)
-        return [
-            ipaddress.IPv4Network(name, strict=False)
-            for name in named
-            if name not in ("", "default")
-        ]
+            self._run(kind, "delete", name)
 
     def _run(self, *arguments: str) -> str:
+        command = f"ip {' '.join(arguments)}"
         try:
             done = subprocess.run(
                 [self._ip, *arguments],
@@ -110,12 +92,12 @@ class Cable:
                 text=True,
                 check=False,
                 start_new_session=True,  # Ctrl-C must not stop the removal
-                timeout=_COMMAND_S,
+                timeout=COMMAND_S,
             )
         except subprocess.TimeoutExpired:
-            raise SumoError(f"ip {' '.join(arguments)}: no answer") from None
+            raise SumoError(f"{command}: no answer") from None
         if done.returncode:
-            raise SumoError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
+            raise SumoError(f"{command}: {done.stderr.strip()}")
         return done.stdout
 
 

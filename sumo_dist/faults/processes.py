@@ -1,4 +1,4 @@
-"""What can be done to a living process, besides signals."""
+"""Faults of a living process besides signals: a full disk, the death of its children (Linux)."""
 
 import os
 import resource
@@ -16,25 +16,24 @@ def check_disks_can_fill() -> None:
 
 def fill_disk(pid: int) -> None:
     """Let no file that a process writes grow any more, as if the disk were full."""
-    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    _limit_files(pid, (0, most))
+    _limit_files(pid, 0)
 
 
 def free_disk(pid: int) -> None:
-    """Let its files grow as those of this process may, which has started it."""
-    _limit_files(pid, resource.getrlimit(resource.RLIMIT_FSIZE))
+    """Let its files grow again as those of this process may."""
+    _limit_files(pid, resource.getrlimit(resource.RLIMIT_FSIZE)[0])
 
 
 def children(pid: int) -> list[int]:
-    """Return the processes that a process has started and that are alive (Linux)."""
+    """Return the living processes that a process has started."""
     found = []
     for name in filter(str.isdigit, os.listdir("/proc")):
         try:
             with open(f"/proc/{name}/stat", errors="replace") as file:
-                told = file.read()  # pid (name, which may hold anything) state parent ...
+                stat = file.read()  # pid (name, which may hold anything) state parent ...
         except OSError:
             continue  # it has ended meanwhile
-        state, parent = told.rpartition(")")[2].split()[:2]
+        state, parent = stat.rpartition(")")[2].split()[:2]
         if int(parent) == pid and state != "Z":
             found.append(int(name))
     return found
@@ -47,6 +46,8 @@ def kill_children(pid: int) -> None:
             os.kill(child, signal.SIGKILL)
 
 
-def _limit_files(pid: int, limits: tuple[int, int]) -> None:
-    with suppress(ProcessLookupError):  # one that has ended writes nothing
-        resource.prlimit(pid, resource.RLIMIT_FSIZE, limits)
+def _limit_files(pid: int, size: int) -> None:
+    """Limit the size of the files that a process writes [bytes]."""
+    _, hard_limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with suppress(ProcessLookupError):  # a process that has ended writes nothing
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, hard_limit))

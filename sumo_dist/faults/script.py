@@ -2,16 +2,15 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.faults.bridge import RULES, Rule
+from sumo_dist.faults.bridge import RULES, MessageRule
 
 PROCESS_FAULTS = ("kill", "freeze", "disk")
-HOST_FAULTS = ("clock", "unplug")
-KINDS = (*PROCESS_FAULTS, *HOST_FAULTS, *RULES)
+KINDS = (*PROCESS_FAULTS, "unplug", *RULES)
 VIEWER = "viewer"  # a target that is no service: the tracer's child
 VIEWERS = ("", "web")
 
@@ -22,16 +21,14 @@ class Fault:
 
     Attributes:
         kind: of a process, "kill" (SIGKILL; a service is started again, "viewer" is not), "freeze"
-            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "clock"
-            (the wall clock of all services jumps, and back); "unplug" (the cable to those that are
-            apart); or a rule of the mangler.
+            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "unplug"
+            (the link to the services that are apart); or a rule of the bridge.
         target: the process it happens to; of the other kinds, all whom they concern.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
         every: plans until it begins again.
         times: how often it happens.
-        share, topics, delay_ms, jitter_ms: of a rule, see wire.mangle.
-        jump_s: by which a wall clock goes ahead [s].
+        share, topics, delay_ms, jitter_ms: of a rule, see `bridge.MessageRule`.
     """
 
     kind: str
@@ -44,7 +41,6 @@ class Fault:
     topics: tuple[str, ...] = ()
     delay_ms: float = 0.0
     jitter_ms: float = 0.0
-    jump_s: float = 3600.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -69,9 +65,9 @@ class Fault:
         return self.kind in RULES
 
     @property
-    def rule(self) -> Rule:
-        """What the mangler does."""
-        return Rule(self.kind, self.share, self.topics, self.delay_ms, self.jitter_ms)
+    def rule(self) -> MessageRule:
+        """What the bridge does."""
+        return MessageRule(self.kind, self.share, self.topics, self.delay_ms, self.jitter_ms)
 
     @property
     def plans(self) -> list[int]:
@@ -90,8 +86,8 @@ class Script:
         seed, clock, speed, estimator, time_limit: of the run; a realtime run has a speed.
         workers: rollout workers.
         settings: of the planner, as key=value.
-        behind: services that dial the mangler's router; all others are on its other side.
-        apart: services in a network of their own, at the other end of a cable.
+        behind: services behind the bridge; all others are on its other side.
+        apart: services in a network of their own, at the other end of a link.
         viewer: "web", or "" for a run without tracer and viewer.
         ends: how the run may end; other ends are failures.
         resumes: wall time from a fault's end to the next good plan, at most [s].
@@ -114,21 +110,24 @@ class Script:
     ends: tuple[str, ...] = ("timeout", "success")
     resumes: float = 1.0
     wait: float = 30.0
-    count: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "count", sum(fault.times for fault in self.faults))
         kinds, targets = {f.kind for f in self.faults}, {f.target for f in self.faults}
         if not self.behind and not kinds.isdisjoint(RULES):
-            raise UsageError(f"{self.name}: faults of messages need services behind the mangler")
+            raise UsageError(f"{self.name}: faults of messages need services behind the bridge")
         if "unplug" in kinds and not self.apart:
             raise UsageError(f"{self.name}: fault 'unplug' needs services that are apart")
         if self.apart and self.behind:
-            raise UsageError(f"{self.name}: services are either apart or behind the mangler")
+            raise UsageError(f"{self.name}: services are either apart or behind the bridge")
         if self.viewer not in VIEWERS:
             raise UsageError(f'{self.name}: viewer must be "web" or "", got {self.viewer!r}')
         if VIEWER in targets and not self.viewer:
             raise UsageError(f'{self.name}: there is no viewer to kill without viewer = "web"')
+
+    @property
+    def count(self) -> int:
+        """How many faults happen."""
+        return sum(fault.times for fault in self.faults)
 
 
 def read_script(path: Path) -> Script:

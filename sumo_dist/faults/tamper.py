@@ -1,4 +1,4 @@
-"""Turning good messages into bad ones, for tests, fuzzers and the mangler."""
+"""Turn good messages into bad ones, for the fault bridge and for tests."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""A cable to a network namespace, and what it leaves behind: nothing."""
+"""A link to a network namespace, and what it leaves behind: nothing."""
 
 import ipaddress
 import os
@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from sumo_dist.errors import SumoError, UsageError
-from sumo_dist.faults.netns import Cable, free_network
+from sumo_dist.faults.netns import NetnsLink, free_network
 
 needs_root = pytest.mark.skipif(
     sys.platform != "linux" or os.geteuid() != 0 or not shutil.which("ip"),
@@ -31,50 +31,50 @@ def ours():
     return str(os.getpid()) in links()
 
 
-def calls(cable, port):
+def calls(link, port):
     """Whether a process at the far end reaches a port of the near one."""
-    command = [*cable.prefix, sys.executable, "-c", CALL, cable.host, str(port)]
+    command = [*link.prefix, sys.executable, "-c", CALL, link.host, str(port)]
     return subprocess.run(command, capture_output=True, check=False, timeout=20.0).returncode == 0
 
 
 @needs_root
 def test_the_far_end_hears_only_while_it_is_plugged_in():
-    with Cable() as cable, socket.create_server((cable.host, 0)) as server:
+    with NetnsLink() as link, socket.create_server((link.host, 0)) as server:
         port = server.getsockname()[1]
-        assert calls(cable, port)
-        socket.create_connection((cable.host, port), 0.5).close()  # as local services do
-        cable.unplug()
-        assert not calls(cable, port)
-        socket.create_connection((cable.host, port), 0.5).close()
-        cable.plug_in()
-        assert calls(cable, port)
+        assert calls(link, port)
+        socket.create_connection((link.host, port), 0.5).close()  # as local services do
+        link.unplug()
+        assert not calls(link, port)
+        socket.create_connection((link.host, port), 0.5).close()
+        link.plug_in()
+        assert calls(link, port)
     assert not ours()
 
 
 @needs_root
-def test_nothing_is_left_of_a_cable_that_could_not_be_laid(monkeypatch):
+def test_nothing_is_left_of_a_link_that_could_not_be_laid(monkeypatch):
     def fails(_self):
         raise SumoError("no")
 
-    monkeypatch.setattr(Cable, "plug_in", fails)
+    monkeypatch.setattr(NetnsLink, "plug_in", fails)
     with pytest.raises(SumoError, match="no"):
-        Cable().__enter__()
+        NetnsLink().__enter__()
     assert not ours()
 
 
 @needs_root
 def test_nothing_is_left_after_ctrl_c():
-    with pytest.raises(KeyboardInterrupt), Cable():
+    with pytest.raises(KeyboardInterrupt), NetnsLink():
         assert ours()
         raise KeyboardInterrupt
     assert not ours()
 
 
 @needs_root
-def test_a_cable_of_another_is_left_alone():
-    with Cable():
-        with pytest.raises(SumoError, match="is there already"):
-            Cable().__enter__()
+def test_a_link_of_another_is_left_alone():
+    with NetnsLink():
+        with pytest.raises(SumoError, match="netns add"):
+            NetnsLink().__enter__()
         assert ours()
     assert not ours()
 
@@ -92,7 +92,7 @@ def test_what_is_missing_is_one_clear_error(monkeypatch, platform, user, tool, m
     monkeypatch.setattr(os, "geteuid", lambda: user, raising=False)
     monkeypatch.setattr(shutil, "which", lambda _name: tool)
     with pytest.raises(UsageError, match=message):
-        Cable()
+        NetnsLink()
 
 
 def test_a_free_network_overlaps_no_other():

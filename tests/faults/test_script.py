@@ -44,12 +44,12 @@ def test_reads_a_script(write):
         ('[[faults]]\nkind = "kill"\nafter_plan = 1', "fault 'kill' needs a target"),
         (
             '[[faults]]\nkind = "rain"\nafter_plan = 1',
-            "unknown fault 'rain'; valid: clock, cut, delay",
+            "unknown fault 'rain'; valid: cut, delay",
         ),
-        ('[[faults]]\nkind = "drop"\nafter_plan = 1', "messages need services behind the mangler"),
+        ('[[faults]]\nkind = "drop"\nafter_plan = 1', "messages need services behind the bridge"),
         ('[[faults]]\nkind = "disk"\nafter_plan = 1', "fault 'disk' needs a target"),
         ('[[faults]]\nkind = "unplug"\nafter_plan = 1', "'unplug' needs services that are apart"),
-        ('apart = ["local-0"]\nbehind = ["local-1"]', "either apart or behind the mangler"),
+        ('apart = ["local-0"]\nbehind = ["local-1"]', "either apart or behind the bridge"),
         ('viewer = "tv"', 'viewer must be "web" or "", got \'tv\''),
         (
             '[[faults]]\nkind = "kill"\ntarget = "viewer"\nafter_plan = 1',

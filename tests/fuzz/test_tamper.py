@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from sumo_dist.bench.measure.fuzz_target import samples
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.messages import RolloutReply
 from sumo_dist.wire.schema import WireError
+
+from .handlers import samples
 
 MESSAGES = samples(np.random.default_rng(0))
 REPLY = next(m for m in MESSAGES if isinstance(m, RolloutReply))
