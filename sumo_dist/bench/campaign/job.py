@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.campaign.standing import run_standing
-from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.referee import Referee

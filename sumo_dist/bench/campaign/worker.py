@@ -12,7 +12,7 @@ from typing import Any
 from sumo_dist.bench.campaign.job import run_alone
 from sumo_dist.bench.campaign.processes import Processes
 from sumo_dist.bench.campaign.remote import BENCH, ROLE
-from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.launch.serve import service

@@ -1,6 +1,6 @@
 """How far estimated states are from the true ones, channel by channel."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from sumo_dist.robots.spot import SPOT
 
 
 class Errors(NamedTuple):
-    """Root mean square of what each channel is off, over time, per vector."""
+    """Root mean square over time of each channel's error vector."""
 
     base_mm: float
     base_mrad: float
@@ -30,16 +30,15 @@ def errors_of(index: StateIndex, states: np.ndarray, estimates: np.ndarray) -> E
     positions, velocities = index.joints(SPOT.joints)
     off = estimates - states
     joints = _rms(off[:, positions]) * 1e3, _rms(off[:, velocities])
-    base, box = (list(_body(index, body, states, estimates, off)) for body in ("body", "box"))
-    return Errors._make([*base, *joints, *box])
+    base, box = (_body_errors(index, body, states, estimates) for body in ("body", "box"))
+    return Errors(*base, *joints, *box)
 
 
-def mean_errors(errors: Iterable[Errors | None]) -> Errors:
-    """Root mean square over walks but those of None; nan if no other is left."""
-    measured = [each for each in errors if each is not None]
-    if not measured:
+def mean_errors(errors: Sequence[Errors]) -> Errors:
+    """Root mean square over walks; nan if there are none."""
+    if not errors:
         return Errors._make([np.nan] * len(Errors._fields))
-    return Errors._make(np.sqrt(np.square(np.array(measured)).mean(axis=0)).round(4).tolist())
+    return Errors._make(np.sqrt(np.square(np.array(errors)).mean(axis=0)).round(4).tolist())
 
 
 def title(channel: str) -> str:
@@ -48,14 +47,15 @@ def title(channel: str) -> str:
     return f"{what} [{unit.replace('_', '/')}]"
 
 
-def _body(
-    index: StateIndex, body: str, states: np.ndarray, estimates: np.ndarray, off: np.ndarray
-) -> Iterator[float]:
+def _body_errors(
+    index: StateIndex, body: str, states: np.ndarray, estimates: np.ndarray
+) -> list[float]:
+    """Errors of position [mm], attitude [mrad], velocity [m/s] and rotation [rad/s]."""
     pose, velocity = index.pose(body), index.velocity(body)
-    turned = multiply(conjugate(states[:, pose][:, 3:]), estimates[:, pose][:, 3:])
-    yield _rms(off[:, pose][:, :3]) * 1e3
-    yield _rms(to_rotation_vector(turned)) * 1e3
-    yield from (_rms(part) for part in np.split(off[:, velocity], 2, axis=1))
+    true, seen = states[:, pose], estimates[:, pose]
+    turned = to_rotation_vector(multiply(conjugate(true[:, 3:]), seen[:, 3:]))
+    linear, angular = np.split(estimates[:, velocity] - states[:, velocity], 2, axis=1)
+    return [_rms(seen[:, :3] - true[:, :3]) * 1e3, _rms(turned) * 1e3, _rms(linear), _rms(angular)]
 
 
 def _rms(errors: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.measure.moment import Moment
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Round
 from sumo_dist.errors import SumoError
 from sumo_dist.policies.fetch import cache_dir, policy_file
@@ -28,42 +28,44 @@ PACKAGES = ("mujoco==3.6.0", "numpy>=2,<3")
 TIMESTEP = 0.01  # the reference's, twice per policy step [s]
 ANSWER_S = 120.0  # a round that takes longer is lost
 INSTALL_S = 600.0
+ENDED = "the reference's process ended; see its messages above"
 
 
 class Reference:
     """The reference's backend in a child process. A context manager."""
 
-    def __init__(self, moment: Moment, commands: np.ndarray, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, snapshot: Snapshot, commands: np.ndarray, tell: Callable[[str], None]
+    ) -> None:
         """Start it for commands (B, T, nc), making its environment on first need."""
-        python = _environment(tell)
         self._child = subprocess.Popen(
-            [str(python), "-P", str(WORKER)],
+            [str(_environment(tell)), "-P", str(WORKER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,  # Ctrl-C is ours to handle
         )
         setup = {
-            "package_root": str(WORKER.parents[2]),
-            "task": moment.task,
-            "policy": str(policy_file(load_task(moment.task).scene.robot.policy)),
+            "package_root": str(WORKER.parents[3]),
+            "task": snapshot.task,
+            "policy": str(policy_file(load_task(snapshot.task).scene.robot.policy)),
             "timestep": TIMESTEP,
             "substeps": round(TICK / TIMESTEP),
-            "state": moment.state.tolist(),
-            "memory": moment.memory.tolist(),
+            "state": snapshot.state.tolist(),
+            "memory": snapshot.memory.tolist(),
             "commands": commands.tolist(),
         }
-        self._say(json.dumps(setup))
+        self._send(json.dumps(setup))
 
     def round(self, density: float) -> Round:
         """Roll out once at a fluid density [kg/m^3]."""
-        self._say(str(density))
+        self._send(str(density))
         assert self._child.stdout is not None
         if not connection.wait([self._child.stdout.fileno()], ANSWER_S):
             raise SumoError(f"the reference gave no answer in {ANSWER_S:g} s")
         line = self._child.stdout.readline()
         if not line:
-            raise SumoError("the reference's process ended; see its messages above")
+            raise SumoError(ENDED)
         answer: dict[str, Any] = json.loads(line)
         return Round(answer["wall_ms"], answer["cpu_ms"], np.array(answer["final"]))
 
@@ -74,13 +76,13 @@ class Reference:
         self._child.kill()
         self._child.communicate()
 
-    def _say(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         assert self._child.stdin is not None
         try:
             self._child.stdin.write(line + "\n")
             self._child.stdin.flush()
         except BrokenPipeError:
-            raise SumoError("the reference's process ended; see its messages above") from None
+            raise SumoError(ENDED) from None
 
 
 def environment_folder() -> Path:
@@ -91,20 +93,17 @@ def environment_folder() -> Path:
 
 def _environment(tell: Callable[[str], None]) -> Path:
     """Return the interpreter of the reference's environment; a stamp says that it is complete."""
-    wheel = pinned_policy("spot").wheel
-    folder = environment_folder()
+    wheel, folder = pinned_policy("spot").wheel, environment_folder()
     python, stamp = folder / "bin" / "python", folder / "complete"
-    if stamp.exists():
-        return python
-    base = _interpreter(wheel.tag)
-    tell(f"making an environment for {wheel.requirement} and {PACKAGES[0]} in {folder}")
-    pip = (str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    _run(base, "-m", "venv", "--clear", str(folder))
-    _run(*pip, *PACKAGES)
-    requirement = folder / "requirements.txt"
-    requirement.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="ascii")
-    _run(*pip, "--no-deps", "--only-binary=:all:", "--require-hashes", "-r", str(requirement))
-    stamp.touch()
+    if not stamp.exists():
+        tell(f"making an environment for {wheel.requirement} and {PACKAGES[0]} in {folder}")
+        _run(_interpreter(wheel.tag), "-m", "venv", "--clear", str(folder))
+        pinned = folder / "requirements.txt"
+        pinned.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="ascii")
+        exactly = ("--no-deps", "--only-binary=:all:", "--require-hashes", "-r", str(pinned))
+        for what in (PACKAGES, exactly):
+            _run(str(python), "-m", "pip", "install", "--disable-pip-version-check", *what)
+        stamp.touch()
     return python
 
 
@@ -115,21 +114,19 @@ def _interpreter(tag: str) -> str:
         raise SumoError(f"the reference is a wheel for {tag}: this machine cannot run it")
     if f"{sys.version_info.major}.{sys.version_info.minor}" == version:
         return sys.executable
-    found = shutil.which(f"python{version}")
-    if found is None:
+    if (found := shutil.which(f"python{version}")) is None:
         raise SumoError(f"the reference needs Python {version}: there is no python{version} here")
     return found
 
 
 def _run(*command: str) -> None:
+    """Run a step of making the environment."""
+    failed = "cannot make the reference's environment"
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=INSTALL_S, check=False
         )
     except subprocess.TimeoutExpired:
-        raise SumoError(f"the reference's environment was not made in {INSTALL_S:g} s") from None
+        raise SumoError(f"{failed} in {INSTALL_S:g} s") from None
     if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if not line.startswith("WARNING")]
-        raise SumoError(
-            "cannot make the reference's environment:\n    " + "\n    ".join(lines[-5:])
-        )
+        raise SumoError(f"{failed}:\n{done.stderr.strip()[-1000:]}")

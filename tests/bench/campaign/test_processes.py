@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sumo_dist.bench.campaign.processes import Again, Processes, run_each
-from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.errors import UsageError
 
 # A process imports what it runs by name, so the jobs here are functions that any of them has.

@@ -17,9 +17,9 @@ def walker():
 def test_steady_commands_reach_every_limit():
     assert len(STEADY) == 12
     assert (np.abs(STEADY).max(axis=0) == BASE_LIMITS).all()
-    commands = steady(np.array(STEADY), 0.1)
+    commands = steady(STEADY, 0.1)
     assert commands.shape == (12, 5, 19)
-    assert (commands[:, 0, :3] == np.array(STEADY)).all()
+    assert (commands[:, 0, :3] == STEADY).all()
 
 
 def test_random_commands_change_and_stay_within_the_limits():

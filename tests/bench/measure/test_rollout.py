@@ -6,10 +6,10 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 
-from sumo_dist.bench import engine
+from sumo_dist.bench import layout
 from sumo_dist.bench.measure import reference, rollout
-from sumo_dist.bench.measure.moment import Moment
 from sumo_dist.bench.measure.reference_worker import compile_without_visuals
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Variant
 from sumo_dist.cli import main
 from sumo_dist.errors import SumoError
@@ -56,9 +56,8 @@ def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
     assert main(["bench", "rollout", "--robot", "g1", "--json", "--repeats", "1"]) == 0
     found = json.loads(capsys.readouterr().out)
     overrides = [(v["engine"], v["timestep"]) for v in (d["variant"] for d in found["deviations"])]
-    assert ("full feet", 0.01) in overrides
     assert ("engine", 0.005) in overrides
-    assert found["full_feet_over_three_capsules"] > 0
+    assert found["half_step_over_plant"] > 0
     assert main(["bench", "rollout", "--robot", "g1", "--reference"]) == 2
     assert "the reference is of Spot" in capsys.readouterr().err
 
@@ -96,12 +95,12 @@ def test_a_machine_that_cannot_run_the_reference_says_so(monkeypatch):
 def test_the_reference_ends_where_the_engine_does():
     if not (reference.environment_folder() / "complete").exists():
         pytest.skip("needs the environment that `sumo-dist bench rollout --reference` makes")
-    moment = Moment.load()
-    commands = moment.commands(4)
-    problem = rollout.problem(moment, rollout.NO_DRAG)
-    with reference.Reference(moment, commands, print) as theirs, problem.engine(1) as engine:
+    snapshot = Snapshot.load()
+    commands = snapshot.commands(4)
+    problem = rollout.problem(snapshot, rollout.NO_DRAG)
+    with reference.Reference(snapshot, commands, print) as theirs, problem.engine(1) as engine:
         final = theirs.round(0.0).final
-        ours = engine.rollout(moment.state, moment.memory, commands).states[:, -1]
+        ours = engine.rollout(snapshot.state, snapshot.memory, commands).states[:, -1]
     assert final.shape == ours.shape
     # Two releases of MuJoCo: equal but for rounding, which contacts can amplify.
     assert np.median(np.abs(final - ours)) < 1e-3
@@ -110,6 +109,6 @@ def test_the_reference_ends_where_the_engine_does():
 def test_bad_options_are_named(capsys, monkeypatch):
     assert main(["bench", "rollout", "--repeats", "0"]) == 2
     assert "repeats must be at least 1" in capsys.readouterr().err
-    monkeypatch.setattr(engine, "engine_identity", lambda _kind: ("fallback", "build"))
+    monkeypatch.setattr(layout, "engine_identity", lambda _kind: ("fallback", "build"))
     assert main(["bench", "rollout"]) == 2
     assert "--engine fallback" in capsys.readouterr().err

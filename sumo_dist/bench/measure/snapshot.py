@@ -1,8 +1,8 @@
 """The instant that rollouts are timed from: the robot walks and pushes, so all contacts count.
 
 One of each robot comes with the package, so that figures can be compared over time. They are
-`Moment.pushing(Recording.load(DIR / "run.npz"))` of `sumo-dist run spot/move_box --seed 1`, and the
-same with `in_steps=True` of `sumo-dist run g1/box_push --seed 1`.
+`Snapshot.pushing(Recording.load(DIR / "run.npz"))` of `sumo-dist run spot/move_box --seed 1`, and
+the same with `in_steps=True` of `sumo-dist run g1/box_push --seed 1`.
 """
 
 import json
@@ -21,6 +21,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK
 
 PUSHING = {robot: Path(__file__).with_name(f"{robot}_pushing.json") for robot in ("spot", "g1")}
+ARRAYS = {"state": np.float64, "memory": np.float32, "knots": np.float32}
 
 OBJECT_SPEED, BASE_SPEED = 0.1, 0.2  # while it walks and pushes, at least [m/s]
 AROUND = 25  # ticks before and after
@@ -28,7 +29,7 @@ NOISE_SEED = 1
 
 
 @dataclass(frozen=True)
-class Moment:
+class Snapshot:
     """A state that rollouts start from, and the plan that their commands are sampled around.
 
     Attributes:
@@ -50,7 +51,7 @@ class Moment:
     spline: splines.Order
 
     @classmethod
-    def pushing(cls, recording: Recording, in_steps: bool = False) -> "Moment":
+    def pushing(cls, recording: Recording, in_steps: bool = False) -> "Snapshot":
         """Return the first plan's start around which robot and object keep moving for 1 s.
 
         Args:
@@ -61,17 +62,14 @@ class Moment:
         config, states = recording.config, np.array(recording.states)
         task = load_task(config["task"])
         index = StateIndex(compile_model(task.scene, PLANT))
-        thing = task.frames["object"].name
-        thing_speed = _speed(states, index, thing)
+        object_speed = _speed(states, index, task.frames["object"].name)
         if in_steps and len(states) > 2 * AROUND:
-            thing_speed = np.convolve(thing_speed, np.ones(2 * AROUND) / (2 * AROUND), "same")
-        moving = np.minimum(
-            thing_speed / OBJECT_SPEED,
-            _speed(states, index, task.scene.robot.base) / BASE_SPEED,
-        )
+            object_speed = np.convolve(object_speed, np.ones(2 * AROUND) / (2 * AROUND), "same")
+        base_speed = _speed(states, index, task.scene.robot.base)
+        moves = (object_speed > OBJECT_SPEED) & (base_speed > BASE_SPEED)
         for number, tick in enumerate(recording.plan_ticks):
-            around = moving[max(0, tick - AROUND) : tick + AROUND + 1]
-            if len(around) == 2 * AROUND + 1 and around.min() > 1.0:
+            around = moves[max(0, tick - AROUND) : tick + AROUND + 1]
+            if len(around) == 2 * AROUND + 1 and around.all():
                 return cls(
                     task.name,
                     f"seed {config['seed']}, plan {recording.plan_numbers[number]}",
@@ -84,8 +82,8 @@ class Moment:
         raise SumoError("in this run the robot never walks and pushes for a second around a plan")
 
     @classmethod
-    def of(cls, robot: str) -> "Moment":
-        """Read the moment of a robot that comes with the package.
+    def of(cls, robot: str) -> "Snapshot":
+        """Read the snapshot of a robot that comes with the package.
 
         Raises:
             UsageError: there is none of this robot.
@@ -95,15 +93,15 @@ class Moment:
         return cls.load(PUSHING[robot])
 
     @classmethod
-    def load(cls, path: Path = PUSHING["spot"]) -> "Moment":
-        """Read a moment."""
+    def load(cls, path: Path = PUSHING["spot"]) -> "Snapshot":
+        """Read a snapshot."""
         fields = json.loads(path.read_text(encoding="utf-8"))
-        types = {"state": np.float64, "memory": np.float32, "knots": np.float32}
-        return cls(**{**fields, **{name: np.array(fields[name], t) for name, t in types.items()}})
+        arrays = {name: np.array(fields[name], dtype) for name, dtype in ARRAYS.items()}
+        return cls(**{**fields, **arrays})
 
     def save(self, path: Path) -> None:
-        """Write a moment; its numbers come back bit by bit."""
-        arrays = {name: getattr(self, name).tolist() for name in ("state", "memory", "knots")}
+        """Write a snapshot; its numbers come back bit by bit."""
+        arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
         path.write_text(json.dumps({**asdict(self), **arrays}, indent=1) + "\n", encoding="utf-8")
 
     def commands(self, rollouts: int) -> np.ndarray:
@@ -111,9 +109,8 @@ class Moment:
 
         The noise is the paper's and drawn here: what is timed must not change with the planner.
         """
-        noise = np.random.Generator(np.random.Philox(NOISE_SEED)).standard_normal(
-            (rollouts, *self.knots.shape)
-        )
+        rng = np.random.Generator(np.random.Philox(NOISE_SEED))
+        noise = rng.standard_normal((rollouts, *self.knots.shape))
         noise[0] = 0.0
         sigma = noise_ramp(0.02, 0.6, *self.knots.shape)
         knots = np.clip(self.knots + sigma * noise, -1.0, 1.0)
