@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.campaign.processes import Processes, run_each
+from sumo_dist.bench.campaign.processes import processes
 from sumo_dist.bench.layout import Result, check_at_least, run_bench, say, table
 from sumo_dist.bench.measure.seeds import SeedOptions
 from sumo_dist.bench.results.stats import wilson
@@ -103,8 +103,8 @@ def measure(options: Options) -> Result:
         for compensate in ((False, True) if periods else (False,))
     ]
     ends = []
-    with Processes(run, options.jobs or cores()) as pool:
-        for number, (trial, end) in enumerate(run_each(trials, [pool]), 1):
+    with processes(run, options.jobs or cores()) as runners:
+        for number, (trial, end) in enumerate(runners.run_each(trials), 1):
             if end is None:
                 raise SumoError("the process of a trial died (out of memory?)")
             ends.append((trial, *end))
