@@ -31,7 +31,7 @@ def errors_of(index: StateIndex, states: np.ndarray, estimates: np.ndarray) -> E
     off = estimates - states
     joints = _rms(off[:, positions]) * 1e3, _rms(off[:, velocities])
     base, box = (_body_errors(index, body, states, estimates) for body in ("body", "box"))
-    return Errors(*base, *joints, *box)
+    return Errors._make([*base, *joints, *box])
 
 
 def mean_errors(errors: Sequence[Errors]) -> Errors:

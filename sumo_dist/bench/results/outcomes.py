@@ -38,9 +38,14 @@ class Count:
         return len(self.rows)
 
     @property
+    def solved(self) -> list[Row]:
+        """The successes."""
+        return [row for row in self.rows if row["success"]]
+
+    @property
     def times(self) -> list[float]:
         """Completion times of the successes [s]."""
-        return [row["completion_time_s"] for row in self.rows if row["success"]]
+        return [row["completion_time_s"] for row in self.solved]
 
     @property
     def median(self) -> float | None:
@@ -67,12 +72,16 @@ class Count:
         """How many trials ended for which reason; faults are one."""
         return Counter(row["end_reason"].partition(":")[0] for row in self.rows)
 
+    def __str__(self) -> str:
+        """Say it in a table: successes of trials."""
+        return f"{self.successes}/{self.trials}"
+
     def cells(self) -> tuple[str, ...]:
         """Successes, rate, interval, median and mean time, as they stand in a table."""
         low, high = self.interval
         times = self.times
         return (
-            f"{self.successes}/{self.trials}",
+            str(self),
             f"{self.rate:.2f}",
             f"{low:.2f} to {high:.2f}",
             f"{self.median:.2f}" if times else "-",
@@ -116,8 +125,7 @@ class TaskResult:
     @property
     def typical(self) -> Row | None:
         """The success of median completion time."""
-        successes = [row for row in self.count.rows if row["success"]]
-        ordered = sorted(successes, key=lambda row: (row["completion_time_s"], row["seed"]))
+        ordered = sorted(self.count.solved, key=lambda r: (r["completion_time_s"], r["seed"]))
         return ordered[(len(ordered) - 1) // 2] if ordered else None
 
     @property
