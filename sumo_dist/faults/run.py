@@ -19,16 +19,8 @@ import numpy as np
 from sumo_dist.errors import UsageError
 from sumo_dist.faults.bridge import FaultBridge
 from sumo_dist.faults.growth import GrowthMonitor
-from sumo_dist.faults.netns import NetnsLink
 from sumo_dist.faults.occurrence import FaultOccurrence
-from sumo_dist.faults.processes import (
-    check_disks_can_fill,
-    children,
-    fill_disk,
-    free_disk,
-    kill_children,
-)
-from sumo_dist.faults.script import VIEWER, Fault, Script
+from sumo_dist.faults.script import Fault, Script
 from sumo_dist.faults.verdict import Outcome, RunRecord, episode_of, judge
 from sumo_dist.launch import serve
 from sumo_dist.launch.deployment import Crew, services
@@ -40,7 +32,6 @@ from sumo_dist.wire.messages import PlanMessage, RunEnd
 
 TIMEOUT_S = 180.0  # of a whole run, beside twice the time it takes by its clock
 START_S = 30.0  # a router is up by then, on a busy machine as well
-VIEWER_S = 0.1  # between two looks for a viewer that is to be killed
 ROUTERS = ("router", "far-router")
 ROLES = {"state-estimator": "estimator", "robot-interface": "robot"}  # on the bus, by service
 
@@ -79,8 +70,6 @@ class FaultRun:
         self._occurrences: list[FaultOccurrence] = []
         self._counts: Counter[str] = Counter()  # messages by what the bridge did to them
         self._newest_plan, self._good_plan_at, self._ended_at = -1, 0.0, None
-        self._link: NetnsLink | None = None
-        self._looked_for_viewer = 0.0
 
     def __enter__(self) -> "FaultRun":
         with self._stack as stack:  # if a step fails, what was started before is closed
@@ -101,7 +90,7 @@ class FaultRun:
         active: list[tuple[float, FaultOccurrence]] = []  # until when
         while robot.poll() is None and time.monotonic() < deadline:
             now = time.monotonic()
-            while todo and self._newest_plan >= todo[0][0] and self._is_there(todo[0][1].target):
+            while todo and self._newest_plan >= todo[0][0]:
                 occurrence = FaultOccurrence(todo.pop(0)[1], now)
                 self._begin(occurrence)
                 active.append((now + occurrence.fault.lasts, occurrence))
@@ -121,12 +110,8 @@ class FaultRun:
         script = self._script
         if script.viewer and find_spec("rerun") is None:
             raise UsageError(f"{script.name} has a viewer: pip install 'sumo-dist[view]'")
-        if any(fault.kind == "disk" for fault in script.faults):
-            check_disks_can_fill()
-        if script.apart:
-            self._link = stack.enter_context(NetnsLink())
-        near = _free_endpoint(self._link.host if self._link else "127.0.0.1")
-        planned, far = planned_services(script, self._folder, near), _free_endpoint()
+        near, far = _free_endpoint(), _free_endpoint()
+        planned = planned_services(script, self._folder, near)
         self._launcher = stack.enter_context(Launcher())
         self._start(Service("router", "router", serve.Router(near)))
         if script.behind:
@@ -139,56 +124,33 @@ class FaultRun:
         bus.subscribe(RunEnd, self._on_run_end)
         for service in planned:
             endpoint = far if service.name in script.behind else near
-            prefix = self._link.prefix if self._link and service.name in script.apart else ()
-            options = replace(service.options, connect=endpoint)
-            self._start(replace(service, options=options, prefix=prefix))
+            self._start(replace(service, options=replace(service.options, connect=endpoint)))
 
     def _start(self, service: Service) -> None:
         self._services[service.name] = service
         self._running[service.name] = self._launcher.start(service)
 
-    def _is_there(self, target: str) -> bool:
-        """Whether a fault has something to happen to: a viewer opens after all services."""
-        if target != VIEWER:
-            return True
-        if time.monotonic() < self._looked_for_viewer + VIEWER_S:
-            return False
-        self._looked_for_viewer = time.monotonic()
-        return bool(children(self._running["tracer"].pid))
-
     def _begin(self, occurrence: FaultOccurrence) -> None:
         self._occurrences.append(occurrence)
         fault = occurrence.fault
-        match fault.kind:
-            case "kill" if fault.target == VIEWER:
-                kill_children(self._running["tracer"].pid)
-            case "kill":
-                self._running[fault.target].kill()
-                self._running[fault.target].wait()
-            case "freeze":
-                self._running[fault.target].send_signal(signal.SIGSTOP)
-            case "disk":
-                fill_disk(self._running[fault.target].pid)
-            case "unplug" if self._link:
-                self._link.unplug()
-            case _:
-                self._set_rules()
+        if fault.kind == "kill":
+            self._running[fault.target].kill()
+            self._running[fault.target].wait()
+        elif fault.kind == "freeze":
+            self._running[fault.target].send_signal(signal.SIGSTOP)
+        else:
+            self._set_rules()
 
     def _end(self, occurrence: FaultOccurrence) -> None:
         fault = occurrence.fault
-        if fault.kind == "kill" and fault.target != VIEWER:
+        if fault.kind == "kill":
             self._start(self._services[fault.target])
             return  # it ends when the service is alive again: see _note_recoveries
         occurrence.ended = time.monotonic()
-        match fault.kind:
-            case "freeze":
-                self._running[fault.target].send_signal(signal.SIGCONT)
-            case "disk":
-                free_disk(self._running[fault.target].pid)
-            case "unplug" if self._link:
-                self._link.plug_in()
-            case _ if fault.is_message:
-                self._set_rules()
+        if fault.kind == "freeze":
+            self._running[fault.target].send_signal(signal.SIGCONT)
+        else:
+            self._set_rules()
 
     def _set_rules(self) -> None:
         """Let the bridge do what the active faults of messages say."""
@@ -233,20 +195,20 @@ def planned_services(script: Script, out: Path, endpoint: str) -> list[Service]:
     run = episode_of(script), script.workers, 1, out, script.viewer or None
     planned = list(services(Crew(*run, speed, script.wait), endpoint))
     names = [service.name for service in planned]
-    targets = [*names, "router", *([VIEWER] if script.viewer else [])]
-    checks = [(name, names) for name in (*script.behind, *script.apart)]
-    checks += [(fault.target, targets) for fault in script.faults if fault.is_process]
+    checks = [(name, names) for name in script.behind]
+    targets = [*names, "router"]
+    checks += [(fault.target, targets) for fault in script.faults if not fault.is_message]
     for name, valid in checks:
         if name not in valid:
             raise UsageError(f"{script.name}: no service {name!r}; valid: {', '.join(valid)}")
     return planned
 
 
-def _free_endpoint(host: str = "127.0.0.1") -> str:
+def _free_endpoint() -> str:
     """An endpoint below the ports that systems hand out to others between now and its use."""
     while True:
         port = int(np.random.default_rng().integers(15_000, 32_000))
-        if not _answers(endpoint := f"tcp/{host}:{port}"):
+        if not _answers(endpoint := f"tcp/127.0.0.1:{port}"):
             return endpoint
 
 

@@ -9,9 +9,8 @@ from typing import Any
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.faults.bridge import RULES, MessageRule
 
-PROCESS_FAULTS = ("kill", "freeze", "disk")
-KINDS = (*PROCESS_FAULTS, "unplug", *RULES)
-VIEWER = "viewer"  # a target that is no service: the tracer's child
+PROCESS_FAULTS = ("kill", "freeze")
+KINDS = (*PROCESS_FAULTS, *RULES)
 VIEWERS = ("", "web")
 
 
@@ -20,10 +19,9 @@ class Fault:
     """Something that goes wrong, once or again and again.
 
     Attributes:
-        kind: of a process, "kill" (SIGKILL; a service is started again, "viewer" is not), "freeze"
-            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "unplug"
-            (the link to the services that are apart); or a rule of the bridge.
-        target: the process it happens to; of the other kinds, all whom they concern.
+        kind: of a process, "kill" (SIGKILL, then started again) or "freeze" (SIGSTOP, then
+            SIGCONT); or a rule of the bridge.
+        target: the process it happens to; of messages, empty.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
         every: plans until it begins again.
@@ -45,19 +43,12 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise unknown("fault", self.kind, KINDS)
-        if self.is_process and not self.target:
+        if not self.is_message and not self.target:
             raise UsageError(f"fault {self.kind!r} needs a target")
-        if self.target == VIEWER and self.kind != "kill":
-            raise UsageError(f"a viewer can only be killed, not {self.kind!r}")
         if not 0 <= self.lasts <= 60:
             raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
         if self.times < 1 or self.every < 1 or self.after_plan < 0:
             raise UsageError(f"fault {self.kind!r}: times and every must be at least 1")
-
-    @property
-    def is_process(self) -> bool:
-        """Whether it happens to a process."""
-        return self.kind in PROCESS_FAULTS
 
     @property
     def is_message(self) -> bool:
@@ -87,7 +78,6 @@ class Script:
         workers: rollout workers.
         settings: of the planner, as key=value.
         behind: services behind the bridge; all others are on its other side.
-        apart: services in a network of their own, at the other end of a link.
         viewer: "web", or "" for a run without tracer and viewer.
         ends: how the run may end; other ends are failures.
         resumes: wall time from a fault's end to the next good plan, at most [s].
@@ -105,24 +95,16 @@ class Script:
     workers: int = 2
     settings: tuple[str, ...] = ("rollouts=10", "horizon=0.4")
     behind: tuple[str, ...] = ()
-    apart: tuple[str, ...] = ()
     viewer: str = ""
     ends: tuple[str, ...] = ("timeout", "success")
     resumes: float = 1.0
     wait: float = 30.0
 
     def __post_init__(self) -> None:
-        kinds, targets = {f.kind for f in self.faults}, {f.target for f in self.faults}
-        if not self.behind and not kinds.isdisjoint(RULES):
+        if not self.behind and any(fault.is_message for fault in self.faults):
             raise UsageError(f"{self.name}: faults of messages need services behind the bridge")
-        if "unplug" in kinds and not self.apart:
-            raise UsageError(f"{self.name}: fault 'unplug' needs services that are apart")
-        if self.apart and self.behind:
-            raise UsageError(f"{self.name}: services are either apart or behind the bridge")
         if self.viewer not in VIEWERS:
             raise UsageError(f'{self.name}: viewer must be "web" or "", got {self.viewer!r}')
-        if VIEWER in targets and not self.viewer:
-            raise UsageError(f'{self.name}: there is no viewer to kill without viewer = "web"')
 
     @property
     def count(self) -> int:
@@ -145,17 +127,19 @@ def read_script(path: Path) -> Script:
     faults = content.pop("faults", [])
     if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
         raise UsageError(f"{path}: faults are tables, [[faults]]")
-    made = tuple(_made(Fault, fault, path) for fault in faults)
-    script = _made(Script, {"name": path.stem, **content, "faults": made}, path)
+    for fault in faults:
+        if missing := [name for name in ("kind", "after_plan") if name not in fault]:
+            raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
+    made = tuple(_made(Fault, fault, path, kind=str, after_plan=int) for fault in faults)
+    script = _made(Script, {"name": path.stem, **content, "faults": made}, path, faults=tuple)
     if script.task.endswith(".py"):
         return replace(script, task=str(path.parent / script.task))
     return script
 
 
-def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:
-    """Build a dataclass of values whose types are those of its defaults."""
-    types = {f.name: type(f.default) for f in fields(kind) if f.init and f.default is not MISSING}
-    types |= {"kind": str, "after_plan": int} if kind is Fault else {"faults": tuple}
+def _made(made: type, values: Mapping[str, Any], path: Path, **required: type) -> Any:
+    """Build a dataclass of values whose types are those of its defaults, or required ones."""
+    types = required | {f.name: type(f.default) for f in fields(made) if f.default is not MISSING}
     given = {}
     for name, read in values.items():
         if name not in types:
@@ -166,7 +150,4 @@ def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:
         if type(value) is not types[name]:
             raise UsageError(f"{path}: {name} needs a {types[name].__name__}, got {value!r}")
         given[name] = value
-    missing = [n for n in ("kind", "after_plan") if kind is Fault and n not in given]
-    if missing:
-        raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
-    return kind(**given)
+    return made(**given)
