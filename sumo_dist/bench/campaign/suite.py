@@ -90,13 +90,9 @@ def _check_same_suite(out: Path, suite: Suite) -> None:
 
 
 def _write_request(options: Options, suite: Suite, tasks: list[str]) -> None:
-    request = {
-        "suite": suite.name,
-        "command": command(options),
-        "tasks": tasks,
-        "trials": options.trials,
-        "seed0": options.seed0,
-    }
+    """Note what was asked for, for the report."""
+    request = {"suite": suite.name, "command": command(options), "tasks": tasks}
+    request |= {"trials": options.trials, "seed0": options.seed0}
     partial = options.out / f"{REQUEST}.part"
     partial.write_text(json.dumps(request, indent=2) + "\n", encoding="utf-8")
     partial.replace(options.out / REQUEST)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,8 @@ class Options:
 
     Attributes:
         robot: spot or g1.
-        reference: also time the backend in the judo-rai wheel, in an environment of its own.
+        reference: also time the backend in the judo-rai wheel; the interpreter of an environment
+            that has it, see docs/results/bench_rollout.md.
         json: print one JSON object.
         repeats: timed rounds of every variant.
         threads: of our engines; by default one for each core.
@@ -97,7 +99,7 @@ class Options:
     """
 
     robot: str = "spot"
-    reference: bool = False
+    reference: Path | None = None
     json: bool = False
     repeats: int = 40
     threads: int | None = None
@@ -112,7 +114,7 @@ class Options:
 def main(options: Options) -> int:
     """Time, and print tables or one JSON object."""
     robot = f" --robot {options.robot}" if options.robot != "spot" else ""
-    command = f"bench rollout{robot}{' --reference' if options.reference else ''}"
+    command = f"bench rollout{robot}{' --reference PYTHON' if options.reference else ''}"
     text = partial(lay_out, POLICY_TARGET.get(options.robot, "-"))
     run_bench(command, options.json, lambda: measure(options), text)
     return 0
@@ -134,7 +136,7 @@ def measure(options: Options) -> Result:
         no_memory = np.zeros(0, np.float32)
         variants[PHYSICS] = partial(one_round, physics, snapshot, no_memory, targets)
         if options.reference:
-            reference = stack.enter_context(Reference(snapshot, commands, say))
+            reference = stack.enter_context(Reference(options.reference, snapshot, commands))
             for variant in (REFERENCE, REFERENCE_NO_DRAG):
                 variants[variant] = partial(reference.round, variant.density)
         rounds = interleave(variants, options.repeats, say)

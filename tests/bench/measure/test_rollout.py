@@ -1,14 +1,17 @@
 import io
 import json
+import os
 import sys
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sumo_dist.bench import layout
-from sumo_dist.bench.measure import reference, rollout
-from sumo_dist.bench.measure.reference_worker import compile_without_visuals
+from sumo_dist.bench.measure import rollout
+from sumo_dist.bench.measure.reference import Reference
+from sumo_dist.bench.measure.reference_child import compile_without_visuals
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Variant
 from sumo_dist.cli import main
@@ -58,7 +61,7 @@ def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
     overrides = [(v["engine"], v["timestep"]) for v in (d["variant"] for d in found["deviations"])]
     assert ("engine", 0.005) in overrides
     assert found["half_step_over_plant"] > 0
-    assert main(["bench", "rollout", "--robot", "g1", "--reference"]) == 2
+    assert main(["bench", "rollout", "--robot", "g1", "--reference", "python"]) == 2
     assert "the reference is of Spot" in capsys.readouterr().err
 
 
@@ -82,23 +85,30 @@ def test_the_references_model_is_the_planning_model():
     assert np.array_equal(theirs.body_mass, ours.body_mass)
 
 
-def test_a_machine_that_cannot_run_the_reference_says_so(monkeypatch):
-    with pytest.raises(SumoError, match="this machine cannot run it"):
-        reference._interpreter("cp311-cp311-manylinux_2_34_aarch64")
-    monkeypatch.setattr(reference.shutil, "which", lambda _name: None)
-    other = 12 if sys.version_info.minor == 11 else 11
-    with pytest.raises(SumoError, match=rf"no python3\.{other} here"):
-        reference._interpreter(f"cp3{other}-cp3{other}-manylinux_2_34_x86_64")
+def test_an_interpreter_that_is_not_there_is_named(capsys, monkeypatch):
+    monkeypatch.setattr(rollout, "ROLLOUTS", 1)
+    assert main(["bench", "rollout", "--repeats", "1", "--reference", "/nowhere/python"]) == 2
+    assert "no reference at /nowhere/python: No such file" in capsys.readouterr().err
+
+
+def test_an_environment_without_the_reference_is_an_error(monkeypatch):
+    snapshot = Snapshot.load()
+    commands = snapshot.commands(1)
+    with (
+        Reference(Path(sys.executable), snapshot, commands) as reference,
+        pytest.raises(SumoError, match="the reference's process ended"),
+    ):
+        reference.round(0.0)
+        reference.round(0.0)
 
 
 @pytest.mark.slow
+@pytest.mark.skipif("SUMO_DIST_REFERENCE" not in os.environ, reason="names no reference's Python")
 def test_the_reference_ends_where_the_engine_does():
-    if not (reference.environment_folder() / "complete").exists():
-        pytest.skip("needs the environment that `sumo-dist bench rollout --reference` makes")
     snapshot = Snapshot.load()
-    commands = snapshot.commands(4)
+    commands, python = snapshot.commands(4), Path(os.environ["SUMO_DIST_REFERENCE"])
     problem = rollout.problem(snapshot, rollout.NO_DRAG)
-    with reference.Reference(snapshot, commands, print) as theirs, problem.engine(1) as engine:
+    with Reference(python, snapshot, commands) as theirs, problem.engine(1) as engine:
         final = theirs.round(0.0).final
         ours = engine.rollout(snapshot.state, snapshot.memory, commands).states[:, -1]
     assert final.shape == ours.shape
