@@ -79,12 +79,12 @@ def test_a_bad_network_and_dying_services_change_nothing_in_lockstep():
 
 @pytest.mark.slow
 @pytest.mark.timeout(120)
-def test_lies_and_nonsense_in_realtime_harm_nobody():
+def test_lies_and_garbage_in_realtime_harm_nobody():
     outcome = run_script(
         Script(
             (
                 Fault("lie", 4, topics=("reply",), lasts=0.6),
-                Fault("nonsense", 12, share=0.2, lasts=0.6),
+                Fault("garbage", 12, share=0.2, lasts=0.6),
                 Fault("misshape", 20, topics=("reply",), lasts=0.3),
             ),
             behind=("local-0",),

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sumo_dist.faults.tamper import garbage, nonsense
+from sumo_dist.faults.tamper import garbage
 from sumo_dist.wire.codec import encode, seal, unseal
 
 from .conftest import DEFAULT_INPUTS
 from .handlers import MessageHandlers, samples
+from .nonsense import nonsense
 
 MESSAGES = samples(np.random.default_rng(0))
 FUZZ = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])

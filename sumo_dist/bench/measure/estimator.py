@@ -1,7 +1,7 @@
 """`sumo-dist bench estimator`: how far the estimated state is from the true one, by channel."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
 import tyro
@@ -11,25 +11,9 @@ from sumo_dist.bench.measure.channels import Errors, mean_errors, title
 from sumo_dist.bench.measure.walks import SETTLE_S, VELOCITIES, Walk, walk
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import LowPassConfig
-from sumo_dist.plant.noise import NOMINAL, PLANTS, PlantProfile
+from sumo_dist.plant.noise import NOMINAL, PLANTS
 
-HARD = PLANTS["hard"]
-SINGLE_DISTURBANCES = {  # settings of the hard plant
-    "encoder noise": ("encoder_rad", "encoder_rad_s"),
-    "mocap noise": ("mocap_m", "mocap_rad"),
-    "mocap delay": ("mocap_delay_ms",),
-    "mocap dropouts": ("mocap_drop", "mocap_gap", "mocap_gap_ms"),
-    "mocap outliers": ("mocap_outlier",),
-}
-PROFILES: dict[str, PlantProfile] = {
-    "no noise": NOMINAL,
-    **{
-        profile: replace(NOMINAL, **{name: getattr(HARD, name) for name in names})
-        for profile, names in SINGLE_DISTURBANCES.items()
-    },
-    "perturbed": PLANTS["perturbed"],
-    "hard": HARD,
-}
+PROFILES = {"no noise": NOMINAL, "perturbed": PLANTS["perturbed"], "hard": PLANTS["hard"]}
 
 
 @dataclass(frozen=True)
@@ -108,9 +92,8 @@ def text(result: Result) -> Iterable[str]:
     yield (
         f"Spot walks {result['seconds']:g} s on the estimated state, {result['seeds']} seeds a "
         "row: straight into the box and pushing it (push), or turning away from it (turn). "
-        "Root mean square of each channel's error vector, the first second left out. The first "
-        "rows disturb the sensors alone, with the values of the hard plant; the last two are "
-        f"the whole plants. Filters: {settings}."
+        "Root mean square of each channel's error vector, the first second left out. "
+        f"Filters: {settings}."
     )
     columns = {"profile": "{profile}", "motion": "{motion}", "walked": "{walked}/{runs}"}
     channels = {title(channel): f"{{{channel}:.3g}}" for channel in Errors._fields}

@@ -45,14 +45,6 @@ def test_falls_are_counted_and_nan_is_one(walker):
     assert walker.falls(states) == 2
 
 
-def test_velocity_is_in_the_bases_frame(walker):
-    states = walker.walk(steady(np.array([[0.0, 0.0, 0.5], [0.5, 0.0, 0.0]]), 4.0))
-    turning, walking = walker.velocity(states)
-    assert turning[2] == pytest.approx(0.5, abs=0.1)
-    assert walking[0] == pytest.approx(0.45, abs=0.1)
-    assert np.abs(walking[1:]).max() < 0.1
-
-
 def test_the_command(monkeypatch, capsys):
     monkeypatch.setattr(policy, "LONG_S", 0.4)
     monkeypatch.setattr(policy, "ARMS_S", 0.4)
