@@ -15,21 +15,13 @@ WARM_UP_S = 6.0  # younger processes still load what they need
 
 @dataclass(frozen=True)
 class Growth:
-    """A service over its longest life.
-
-    Attributes:
-        service: its name.
-        lives: processes it had.
-        seconds: that the longest lived.
-        mb, files: resident memory [MB] and open files in the middle of that life and at its end,
-            averaged over a tenth of it each.
-    """
+    """A service over its longest life."""
 
     service: str
-    lives: int
-    seconds: float
-    mb: tuple[float, float]
-    files: tuple[float, float]
+    lives: int  # processes it had
+    seconds: float  # that the longest lived
+    mb: tuple[float, float]  # resident memory in the middle of that life and at its end
+    files: tuple[float, float]  # open files likewise; all averaged over a tenth of the life
 
 
 class GrowthMonitor:

@@ -28,61 +28,34 @@ _EXACT = 1e-9
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run as it went.
-
-    Attributes:
-        script: that was played.
-        folder: with the run's files and the services' messages.
-        exit_code: the robot's, None if it hangs.
-        occurrences: the faults.
-        growths: of the services that lived long enough.
-        tampered: messages by what was done to them.
-        ended_at: time.monotonic() at which the robot said that the run was over, None if it did
-            not [s].
-    """
+    """A run as it went."""
 
     script: Script
-    folder: Path
-    exit_code: int | None
+    folder: Path  # with the run's files and the services' messages
+    exit_code: int | None  # the robot's, None if it hangs
     occurrences: Sequence[FaultOccurrence] = ()
-    growths: Sequence[Growth] = ()
-    tampered: dict[str, int] = field(default_factory=dict)
-    ended_at: float | None = None
+    growths: Sequence[Growth] = ()  # of the services that lived long enough
+    tampered: dict[str, int] = field(default_factory=dict)  # messages by what was done to them
+    ended_at: float | None = None  # time.monotonic() of the robot's word that it is over [s]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run as it is judged.
+    """A run as it is judged."""
 
-    Attributes:
-        name: of the script.
-        seed: of the run.
-        faults: that happened.
-        end: how the run ended.
-        growths, mangled: see `RunRecord`.
-        failures: what was not as it must be; empty if all was.
-        plans: made.
-        commands: joint targets sent.
-        slowest_s: longest wall time from a fault's end, and that of all that overlap it, to the
-            next good plan; None without any.
-        rate_hz: plans per second of wall time, while the robot's clock ran.
-        rollouts: median per plan.
-        undisturbed: how the same run ended without faults, if this one fell; else "".
-    """
-
-    name: str
+    name: str  # of the script
     seed: int
-    faults: int
+    faults: int  # that happened
     end: str
     growths: tuple[Growth, ...]
-    mangled: dict[str, int]
-    failures: tuple[str, ...]
+    mangled: dict[str, int]  # messages by what was done to them
+    failures: tuple[str, ...]  # what was not as it must be
     plans: int = 0
-    commands: int = 0
-    slowest_s: float | None = None
-    rate_hz: float = 0.0
-    rollouts: float = 0.0
-    undisturbed: str = ""
+    commands: int = 0  # joint targets sent
+    slowest_s: float | None = None  # longest of the faults' `resume_delay`
+    rate_hz: float = 0.0  # plans per second of wall time, while the robot's clock ran
+    rollouts: float = 0.0  # median per plan
+    undisturbed: str = ""  # how the same run ended without faults, if this one fell
 
 
 def judge(record: RunRecord, undisturbed: Callable[[], str]) -> Outcome:

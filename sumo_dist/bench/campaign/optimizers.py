@@ -17,15 +17,10 @@ from sumo_dist.tasks import load_task
 
 
 class Cell(NamedTuple):
-    """What is compared: an optimizer, with the settings that suit it, at a budget.
-
-    Attributes:
-        optimizer: its name.
-        budget: rollouts a plan.
-    """
+    """What is compared: an optimizer, with the settings that suit it, at a budget."""
 
     optimizer: str
-    budget: int
+    budget: int  # rollouts a plan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,15 +66,7 @@ class RemoteWorker:
     def __init__(
         self, bus: Bus, name: str, numbers: Iterator[int], left: threading.Event, tell: Tell
     ) -> None:
-        """Take note of a worker.
-
-        Args:
-            bus: of the campaign.
-            name: the worker's.
-            numbers: of requests, shared by all workers.
-            left: is set when the worker leaves.
-            tell: takes notices.
-        """
+        """Take note of a worker; `numbers` are the campaign's, `left` is set when it leaves."""
         self._bus, self._name, self._numbers = bus, name, numbers
         self._left, self._tell = left, tell
         self._replies = None
@@ -90,8 +82,13 @@ class RemoteWorker:
                 reply = self._replies.get(timeout=RESEND_S)
             except Empty:
                 continue
-            if reply.number == request.number:  # else an answer that came twice
-                return self._checked(job, reply)
+            if reply.number != request.number:
+                continue  # an answer that came twice
+            row, reason = checked_row(job, reply)
+            if row is not None:
+                return row
+            self._tell(f"worker {self._name} gets no trials: {reason}")
+            raise JobLost
         self._tell(f"worker {self._name} has left; its trial goes to another")
         raise JobLost
 
@@ -100,13 +97,6 @@ class RemoteWorker:
         planner, run = episode.pop("planner"), self._bus.run or ""
         number = next(self._numbers)
         return TrialRequest(run, self._name, number, job.trial.variant, episode, planner)
-
-    def _checked(self, job: Job, reply: TrialReply) -> Row:
-        row, reason = checked_row(job, reply)
-        if row is None:
-            self._tell(f"worker {self._name} gets no trials: {reason}")
-            raise JobLost
-        return row
 
 
 def checked_row(job: Job, reply: TrialReply) -> tuple[Row | None, str]:

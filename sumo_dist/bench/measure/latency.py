@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.campaign.processes import processes
-from sumo_dist.bench.layout import Result, check_at_least, run_bench, say, table
+from sumo_dist.bench.layout import Result, check_at_least, markdown, run_bench, say
 from sumo_dist.bench.measure.seeds import SeedOptions
 from sumo_dist.bench.results.stats import wilson
 from sumo_dist.episode.assemble import make_guard, make_plant
@@ -33,15 +33,9 @@ from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK, anchor_tick, plan_due
 
 PERIOD_MS = 50  # between plans, on average
-PERIODS = (0, 1, 2, 4)  # plans are this many periods late
-COLUMNS = {
-    "delay [ms]": "{delay_ms}",
-    "compensation": "{with_or_without}",
-    "solved": "{successes}/{trials}",
-    "Wilson 95 %": "{low:.2f} to {high:.2f}",
-    "median [s]": "{median}",
-    "else": "{others}",
-}
+# Planning periods by which plans are late, and whether they are made for their arrival.
+KINDS = ((0, False), *((periods, way) for periods in (1, 2, 4) for way in (False, True)))
+HEAD = ("delay [ms]", "compensation", "solved", "Wilson 95 %", "median [s]", "else")
 
 
 @dataclass(frozen=True)
@@ -65,17 +59,11 @@ class Options(SeedOptions):
 
 @dataclass(frozen=True)
 class DelayedTrial:
-    """One episode with late plans.
-
-    Attributes:
-        episode: what is done.
-        periods: planning periods from a state to its plan's arrival.
-        compensate: plans are made for the instant of their arrival.
-    """
+    """One episode with late plans."""
 
     episode: EpisodeConfig
-    periods: int
-    compensate: bool
+    periods: int  # planning periods from a state to its plan's arrival
+    compensate: bool  # plans are made for the instant of their arrival
 
     def __str__(self) -> str:
         """Name its row."""
@@ -95,12 +83,10 @@ def measure(options: Options) -> Result:
     trials = [
         DelayedTrial(
             EpisodeConfig(options.task, seed, time_limit=options.time_limit, plant=options.plant),
-            periods,
-            compensate,
+            *kind,
         )
         for seed in options.seeds
-        for periods in PERIODS
-        for compensate in ((False, True) if periods else (False,))
+        for kind in KINDS
     ]
     ends = []
     with processes(run, options.jobs or cores()) as runners:
@@ -215,16 +201,17 @@ def text(result: Result) -> Iterable[str]:
         "compensation it was made for the instant of its arrival. Median completion time of "
         "those solved."
     )
-    yield table(COLUMNS, [{**row, **_cells(row)} for row in result["rows"]])
+    yield markdown(HEAD, [_cells(row) for row in result["rows"]])
 
 
-def _cells(row: Result) -> dict[str, Any]:
+def _cells(row: Result) -> tuple[str, ...]:
     low, high = wilson(row["successes"], row["trials"])
     without = "without" if row["delay_ms"] else "-"
-    return {
-        "low": low,
-        "high": high,
-        "with_or_without": "with" if row["compensation"] else without,
-        "median": "-" if row["median_s"] is None else f"{row['median_s']:.1f}",
-        "others": ", ".join(row["ended_by"]) or "-",
-    }
+    return (
+        f"{row['delay_ms']}",
+        "with" if row["compensation"] else without,
+        f"{row['successes']}/{row['trials']}",
+        f"{low:.2f} to {high:.2f}",
+        "-" if row["median_s"] is None else f"{row['median_s']:.1f}",
+        ", ".join(row["ended_by"]) or "-",
+    )

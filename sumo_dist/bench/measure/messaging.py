@@ -10,14 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sumo_dist.bench.layout import (
-    Result,
-    check_at_least,
-    checked_engine,
-    markdown,
-    run_bench,
-    say,
-)
+from sumo_dist.bench import layout
+from sumo_dist.bench.layout import Result, say
 from sumo_dist.bench.measure.planning import in_process, request
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.robot_link import RobotLink
@@ -62,30 +56,25 @@ class Options:
     engine: str = "auto"
 
     def __post_init__(self) -> None:
-        check_at_least(1, plans=self.plans, workers=self.workers)
+        layout.check_at_least(1, plans=self.plans, workers=self.workers)
 
 
 class Sample(NamedTuple):
-    """One plan as the robot sees it.
+    """One plan as the robot sees it."""
 
-    Attributes:
-        plan_ms: from the question to the answer [ms].
-        own_ms: the planner's own part: all but the rollouts and waiting for them [ms].
-    """
-
-    plan_ms: float
-    own_ms: float
+    plan_ms: float  # from the question to the answer
+    own_ms: float  # the planner's own part: all but the rollouts and waiting for them
 
 
 def main(options: Options) -> int:
     """Time both ways in turn, and print a table or one JSON object."""
-    run_bench("bench messaging", options.json, lambda: measure(options), text)
+    layout.run_bench("bench messaging", options.json, lambda: measure(options), text)
     return 0
 
 
 def measure(options: Options) -> Result:
     """Make plans in this process and over Zenoh."""
-    engine, _ = checked_engine(options.engine)
+    engine, _ = layout.checked_engine(options.engine)
     workers, snapshot = options.workers or cores(), Snapshot.load()
     episode = EpisodeConfig(snapshot.task, engine=options.engine)
     with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
@@ -157,7 +146,7 @@ def text(result: Result) -> Iterable[str]:
         (what, f"{result[f'{name}_p50']:.2f}", f"{result[f'{name}_p99']:.2f}", target)
         for what, (name, target) in ROWS.items()
     ]
-    yield markdown(("", "p50", "p99", "target"), rows)
+    yield layout.markdown(("", "p50", "p99", "target"), rows)
 
 
 def _await_workers(bus: Bus, workers: int) -> None:

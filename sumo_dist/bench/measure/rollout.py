@@ -9,15 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import (
-    Result,
-    check_at_least,
-    checked_engine,
-    markdown,
-    run_bench,
-    say,
-    table,
-)
+from sumo_dist.bench import layout
+from sumo_dist.bench.layout import Result, say
 from sumo_dist.bench.measure.reference import Reference
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Round, Variant, interleave, row, timed
@@ -106,7 +99,7 @@ class Options:
     engine: str = "auto"
 
     def __post_init__(self) -> None:
-        check_at_least(1, repeats=self.repeats, threads=self.threads)
+        layout.check_at_least(1, repeats=self.repeats, threads=self.threads)
         if self.reference and self.robot != "spot":
             raise UsageError("the reference is of Spot: leave out --reference or --robot")
 
@@ -116,14 +109,14 @@ def main(options: Options) -> int:
     robot = f" --robot {options.robot}" if options.robot != "spot" else ""
     command = f"bench rollout{robot}{' --reference PYTHON' if options.reference else ''}"
     text = partial(lay_out, POLICY_TARGET.get(options.robot, "-"))
-    run_bench(command, options.json, lambda: measure(options), text)
+    layout.run_bench(command, options.json, lambda: measure(options), text)
     return 0
 
 
 def measure(options: Options) -> Result:
     """Time every variant in turn, in this process and the reference's."""
-    threads, snapshot = options.threads or cores(), Snapshot.of(options.robot)
-    name, build = checked_engine(options.engine)
+    threads, snapshot = options.threads or cores(), Snapshot.load(options.robot)
+    name, build = layout.checked_engine(options.engine)
     commands = snapshot.commands(ROLLOUTS)
     with ExitStack() as stack:
         variants: dict[Variant, Callable[[], Round]] = {}
@@ -228,16 +221,16 @@ def lay_out(policy_target: str, result: Result) -> Iterable[str]:
         f"{result['engine']} with {result['threads']} threads, {result['repeats']} rounds of "
         "all variants in turn. Times in ms."
     )
-    yield table(TIMES, [{**row, "name": _name(row)} for row in result["rows"]])
+    yield layout.table(TIMES, [{**row, "name": _name(row)} for row in result["rows"]])
     yield "Ratios of the medians of CPU time:"
     found = [
         (name, f"{over} / {under}", f"{result[name]:.2f}", target or policy_target)
         for name, (over, under, target) in RATIOS.items()
         if result[name] is not None
     ]
-    yield markdown(("ratio", "of", "value", "target"), found)
+    yield layout.markdown(("ratio", "of", "value", "target"), found)
     yield "Where the object ends, against another variant, over the rollouts:"
-    yield table(
+    yield layout.table(
         MOVED,
         [
             {**d, "name": _name(d["variant"]), "other": _name(d["against"])}

@@ -10,17 +10,11 @@ T = TypeVar("T")
 
 
 class Variant(NamedTuple):
-    """What is rolled out how.
+    """What is rolled out how."""
 
-    Attributes:
-        engine: "engine", "physics only", "fallback" or "reference".
-        density: of the fluid [kg/m^3].
-        timestep: of the physics [s].
-    """
-
-    engine: str
-    density: float
-    timestep: float
+    engine: str  # "engine", "physics only", "fallback" or "reference"
+    density: float  # of the fluid [kg/m^3]
+    timestep: float  # of the physics [s]
 
     def __str__(self) -> str:
         """Name it in a table."""
@@ -28,17 +22,11 @@ class Variant(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One timed call.
-
-    Attributes:
-        wall_ms: wall time [ms].
-        cpu_ms: processor time of all threads of the process [ms].
-        final: (B, nq + nv) states at the end of the rollouts; NaN where they diverged.
-    """
+    """One timed call."""
 
     wall_ms: float
-    cpu_ms: float
-    final: np.ndarray
+    cpu_ms: float  # of all threads of the process
+    final: np.ndarray  # (B, nq + nv) states at the end of the rollouts; NaN where they diverged
 
 
 def timed(call: Callable[[], T]) -> tuple[float, float, T]:

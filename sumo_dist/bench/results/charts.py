@@ -11,49 +11,26 @@ from matplotlib.figure import Figure
 from sumo_dist.bench.results.outcomes import Count, Results
 from sumo_dist.bench.results.stats import wilson
 
-# Colour that is drawn with -> name of the page's colour that replaces it, see page.html.
-COLOURS = {
-    "#010101": "ink",
-    "#020202": "soft",
-    "#030303": "line",
-    "#040404": "paper",
-    "#050505": "ours",
-    "#060606": "published",
-    "#070707": "control",
-    "#080808": "good",
-    "#090909": "late",
-    "#0a0a0a": "fell",
-    "#0b0b0b": "fault",
-    "#0c0c0c": "other-a",
-    "#0d0d0d": "other-b",
-    "#0e0e0e": "other-c",
-}
+# Names of the page's colours, see page.css. Charts are drawn in stand-ins, which these replace.
+NAMES = (
+    *("ink", "soft", "line", "paper", "ours", "published", "control"),
+    *("good", "late", "fell", "fault", "other-a", "other-b", "other-c"),
+)
+COLOURS = {f"#0000{number:02x}": name for number, name in enumerate(NAMES, 1)}
 INK, SOFT, LINE, PAPER, OURS, PUBLISHED, CONTROL, GOOD, LATE, FELL, FAULT, *OTHERS = COLOURS
 REASONS = {"success": GOOD, "timeout": LATE, "fell": FELL, "fault": FAULT}
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "sumo-dist",  # equal results make equal files
-    "font.size": 9,
-    "text.color": INK,
-    "axes.edgecolor": LINE,
-    "axes.labelcolor": SOFT,
-    "axes.titlecolor": SOFT,
-    "axes.titlesize": 9,
+    **dict.fromkeys(("font.size", "axes.titlesize"), 9),
+    **dict.fromkeys(("text.color", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "grid.color", "xtick.color", "ytick.color"), LINE),
+    **dict.fromkeys(("axes.titlecolor", "xtick.labelcolor", "legend.labelcolor"), SOFT),
+    **dict.fromkeys((f"axes.spines.{side}" for side in ("top", "right", "left")), False),
+    **dict.fromkeys(("ytick.left", "legend.frameon"), False),
     "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.spines.left": False,
     "axes.grid": True,
     "axes.grid.axis": "x",
-    "axes.axisbelow": True,
-    "grid.color": LINE,
-    "xtick.color": LINE,
-    "xtick.labelcolor": SOFT,
-    "ytick.color": LINE,
-    "ytick.labelcolor": INK,
-    "ytick.left": False,
-    "legend.frameon": False,
-    "legend.labelcolor": SOFT,
 }
 WIDTH, ROW = 11.0, 0.33  # of a chart, and the height of a task in it [inch]
 

@@ -36,23 +36,15 @@ class Options:
 
 
 class Change(NamedTuple):
-    """What changed in one task.
+    """What changed in one task."""
 
-    Attributes:
-        task: its name, or "all tasks".
-        a, b: trials of both.
-        p: of Fisher's exact test that the success rates are the same.
-        times: completion times of B over those of A, by the seeds that both solved; None if none.
-    """
-
-    task: str
     a: Count
     b: Count
-    p: float
-    times: Ratio | None
+    p: float  # of Fisher's exact test that the success rates are the same
+    times: Ratio | None  # completion times of B over those of A, by the seeds that both solved
 
     @classmethod
-    def between(cls, task: str, a: Count, b: Count) -> "Change":
+    def between(cls, a: Count, b: Count) -> "Change":
         """Compare trials of the same tasks."""
         first, second = (
             {(r["task"], r["seed"]): max(r["completion_time_s"], TICK) for r in count.solved}
@@ -60,7 +52,7 @@ class Change(NamedTuple):
         )
         pairs = [(time, second[key]) for key, time in first.items() if key in second]
         times = paired_ratio(*zip(*pairs, strict=True)) if pairs else None
-        return cls(task, a, b, fisher((a.successes, b.successes), (a.trials, b.trials)), times)
+        return cls(a, b, fisher((a.successes, b.successes), (a.trials, b.trials)), times)
 
 
 def main(options: Options) -> int:
@@ -85,12 +77,12 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
     alone = sorted({row["task"] for row in (*a, *b)} - {*tasks})
     a, b = ([row for row in rows if row["task"] in tasks] for rows in (a, b))
     of_a, of_b = count_tasks(a), count_tasks(b)
-    changes = [Change.between(task, of_a[task], of_b[task]) for task in tasks]
+    changes = [Change.between(of_a[task], of_b[task]) for task in tasks]
     rates = holm([change.p for change in changes])
     times = holm([change.times.p if change.times else 1.0 for change in changes])
     verdicts = [sentence(*each) for each in zip(changes, rates, times, strict=True)]
     if len(changes) > 1:
-        total = Change.between("all tasks", Count("all tasks", a), Count("all tasks", b))
+        total = Change.between(Count("all tasks", a), Count("all tasks", b))
         verdicts.append(sentence(total, total.p, total.times.p if total.times else 1.0))
         changes.append(total)
     settings = differences(a, b) or ["All settings are the same."]
@@ -122,7 +114,7 @@ def sentence(change: Change, p_rate: float, p_time: float) -> str:
     """Say what changed in a task, and whether it is significant."""
     a, b = change.a, change.b
     more = "no change" if a.rate == b.rate else "more" if b.rate > a.rate else "fewer"
-    said = f"{change.task}: {a} -> {b} solved, {_verdict(more, p_rate)}"
+    said = f"{a.task}: {a} -> {b} solved, {_verdict(more, p_rate)}"
     if change.times is None:
         return f"{said}; no seed that both solved."
     ratio, pairs = change.times.value, change.times.pairs
@@ -140,7 +132,7 @@ def cells(change: Change) -> tuple[str, ...]:
     if t is not None:
         interval = f"{t.low:.2f} to {t.high:.2f}" if t.low > 0 else "-"
         times = (str(t.pairs), f"{t.value:.2f}", interval, f"{t.p:.3f}")
-    return (change.task, str(a), str(b), *rates, *times)
+    return (a.task, str(a), str(b), *rates, *times)
 
 
 def differences(a: Sequence[Row], b: Sequence[Row]) -> list[str]:

@@ -74,17 +74,11 @@ def count_tasks(rows: Iterable[Row], variant: str = PLANNED) -> dict[str, Count]
 
 @dataclass(frozen=True)
 class TaskResult:
-    """One task of a suite.
-
-    Attributes:
-        count: of the trials.
-        control: of those in which the robot only stands, if there are any.
-        figure: what has been published.
-    """
+    """One task of a suite."""
 
     count: Count
-    control: Count | None
-    figure: Figure
+    control: Count | None  # of the trials in which the robot only stands, if there are any
+    figure: Figure  # what has been published
 
     @property
     def name(self) -> str:
@@ -112,21 +106,13 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class Results:
-    """The folder of a suite.
-
-    Attributes:
-        folder: with the journal and the recordings.
-        suite: which one.
-        request: what was asked for: its command, tasks, number of trials and first seed.
-        rows: of all trials of the request that are done.
-        tasks: those of which there are trials, in the suite's order.
-    """
+    """The folder of a suite."""
 
     folder: Path
     suite: Suite
-    request: Mapping[str, Any]
-    rows: Sequence[Row]
-    tasks: Sequence[TaskResult]
+    request: Mapping[str, Any]  # what was asked for: command, tasks, number of trials, first seed
+    rows: Sequence[Row]  # of all trials of the request that are done
+    tasks: Sequence[TaskResult]  # those of which there are trials, in the suite's order
 
     @classmethod
     def load(cls, folder: Path) -> Self:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.bench.measure.snapshot import Snapshot
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import UsageError
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANNING, compile_model
 from sumo_dist.tasks import load_task
@@ -10,22 +10,12 @@ from sumo_dist.tasks import load_task
 
 @pytest.mark.parametrize("robot", ["spot", "g1"])
 def test_the_packaged_snapshots_walk_and_push(robot):
-    snapshot = Snapshot.of(robot)
+    snapshot = Snapshot.load(robot)
     task = load_task(snapshot.task)
     assert task.scene.robot.name == robot
     index = StateIndex(compile_model(task.scene, PLANNING))
     for body, least in ((task.scene.robot.base, 0.2), ("box", 0.1)):
         assert np.linalg.norm(snapshot.state[index.velocity(body)][:3]) > least
-
-
-def test_a_saved_snapshot_comes_back_bit_by_bit(tmp_path):
-    snapshot = Snapshot.load()
-    snapshot.save(tmp_path / "snapshot.json")
-    again = Snapshot.load(tmp_path / "snapshot.json")
-    for name in ("state", "memory", "knots"):
-        ours, theirs = getattr(snapshot, name), getattr(again, name)
-        assert ours.dtype == theirs.dtype
-        assert ours.tobytes() == theirs.tobytes()
 
 
 def test_commands_are_the_plans_and_samples_around_it():
@@ -35,12 +25,6 @@ def test_commands_are_the_plans_and_samples_around_it():
     assert len(np.unique(commands[:, -1, 0])) > 4  # [m/s] of the last step
 
 
-@pytest.mark.parametrize("in_steps", [False, True])
-def test_a_run_without_pushing_is_refused(short_run, in_steps):
-    with pytest.raises(SumoError, match="never walks and pushes"):
-        Snapshot.pushing(short_run, in_steps)
-
-
 def test_an_unknown_robot_is_named():
     with pytest.raises(UsageError, match="unknown robot 'dog'; valid: g1, spot"):
-        Snapshot.of("dog")
+        Snapshot.load("dog")
