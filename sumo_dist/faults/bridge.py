@@ -1,60 +1,25 @@
 """A bad network on purpose: a bridge between two routers that disturbs what passes.
 
 Services behind it dial one of the routers, all others the other one. Messages and liveliness tokens
-cross in both directions; rules say what happens to them on the way.
+cross in both directions; faults say what happens to them on the way.
 """
 
 import heapq
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 import zenoh
 
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.faults.script import Fault
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.session import open_client
 
-LINK_RULES = ("drop", "delay", "duplicate", "cut")
-RULES = (*LINK_RULES, *TAMPERS)
-
 _OPEN_S = 30.0
 _DUPLICATE_S = 0.005  # from a message to its duplicate
-
-
-@dataclass(frozen=True)
-class MessageRule:
-    """What happens to messages.
-
-    Attributes:
-        kind: "drop"; "delay" by delay_ms and up to jitter_ms more, which also reorders messages;
-            "duplicate"; "cut", the link is down and services vanish from each other's sight; or one
-            of TAMPERS.
-        share: of messages it happens to.
-        topics: it happens to; empty means all.
-        delay_ms, jitter_ms: of "delay".
-    """
-
-    kind: str
-    share: float = 1.0
-    topics: tuple[str, ...] = ()
-    delay_ms: float = 0.0
-    jitter_ms: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in RULES:
-            raise unknown("rule", self.kind, RULES)
-        if not 0 < self.share <= 1:
-            raise UsageError(f"share must be in (0, 1], got {self.share}")
-
-    def applies(self, key: str, rng: np.random.Generator) -> bool:
-        """Whether it happens to a message this time."""
-        topic = key.split("/")[3]
-        return (not self.topics or topic in self.topics) and rng.random() < self.share
 
 
 class FaultBridge:
@@ -68,7 +33,7 @@ class FaultBridge:
         """Dial both routers."""
         self.counts: Counter[str] = Counter()
         self._rng, self._lock = np.random.default_rng(seed), threading.RLock()
-        self._rules: tuple[MessageRule, ...] = ()
+        self._faults: tuple[Fault, ...] = ()
         self._ends = (open_client(near, _OPEN_S), open_client(far, _OPEN_S))
         self._tokens: list[dict[str, zenoh.LivelinessToken]] = [{}, {}]  # declared here, per end
         self._alive: list[set[str]] = [set(), set()]  # tokens of services, per end
@@ -101,17 +66,17 @@ class FaultBridge:
         for session in self._ends:
             session.close()
 
-    def set_rules(self, rules: tuple[MessageRule, ...]) -> None:
-        """Replace the rules from now on."""
+    def set_faults(self, *faults: Fault) -> None:
+        """Let these faults happen from now on, instead of those before."""
         with self._lock:
-            was_cut, self._rules = self._is_cut(), rules
+            was_cut, self._faults = self._is_cut(), faults
             if was_cut != self._is_cut():
                 for end in (0, 1):
                     for key in self._alive[end]:
                         self._show(1 - end, key, alive=not self._is_cut())
 
     def _is_cut(self) -> bool:
-        return any(rule.kind == "cut" for rule in self._rules)
+        return any(fault.kind == "cut" for fault in self._faults)
 
     def _on_message(self, end: int, sample: zenoh.Sample) -> None:
         key, payload, delay = str(sample.key_expr), sample.payload.to_bytes(), 0.0
@@ -119,18 +84,18 @@ class FaultBridge:
             if self._closed.is_set():
                 return
             self.counts["passed"] += 1
-            for rule in self._rules:
-                if not rule.applies(key, self._rng):
+            for fault in self._faults:
+                if not fault.concerns(key.split("/")[3]) or self._rng.random() >= fault.share:
                     continue
-                self.counts[rule.kind] += 1
-                if rule.kind in ("drop", "cut"):
+                self.counts[fault.kind] += 1
+                if fault.kind in ("drop", "cut"):
                     return
-                if rule.kind == "delay":
-                    delay += (rule.delay_ms + rule.jitter_ms * self._rng.random()) / 1e3
-                elif rule.kind == "duplicate":
+                if fault.kind == "delay":
+                    delay += (fault.delay_ms + fault.jitter_ms * self._rng.random()) / 1e3
+                elif fault.kind == "duplicate":
                     self._send(1 - end, key, payload, delay + _DUPLICATE_S)
                 else:
-                    payload = TAMPERS[rule.kind](payload, self._rng)
+                    payload = TAMPERS[fault.kind](payload, self._rng)
             self._send(1 - end, key, payload, delay)
 
     def _send(self, end: int, key: str, payload: bytes, delay: float = 0.0) -> None:

@@ -139,7 +139,7 @@ class FaultRun:
         elif fault.kind == "freeze":
             self._running[fault.target].send_signal(signal.SIGSTOP)
         else:
-            self._set_rules()
+            self._set_bridge()
 
     def _end(self, occurrence: FaultOccurrence) -> None:
         fault = occurrence.fault
@@ -150,12 +150,12 @@ class FaultRun:
         if fault.kind == "freeze":
             self._running[fault.target].send_signal(signal.SIGCONT)
         else:
-            self._set_rules()
+            self._set_bridge()
 
-    def _set_rules(self) -> None:
+    def _set_bridge(self) -> None:
         """Let the bridge do what the active faults of messages say."""
         active = [o.fault for o in self._occurrences if o.fault.is_message and o.ended is None]
-        self._bridge.set_rules(tuple(fault.rule for fault in active))
+        self._bridge.set_faults(*active)
 
     def _note_recoveries(self) -> None:
         """Note which killed services are alive again, and after which faults plans came."""

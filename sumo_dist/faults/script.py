@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.faults.bridge import RULES, MessageRule
+from sumo_dist.faults.tamper import TAMPERS
 
 PROCESS_FAULTS = ("kill", "freeze")
-KINDS = (*PROCESS_FAULTS, *RULES)
+MESSAGE_FAULTS = ("drop", "delay", "duplicate", "cut", *TAMPERS)
+KINDS = (*PROCESS_FAULTS, *MESSAGE_FAULTS)
 VIEWERS = ("", "web")
 
 
@@ -20,13 +21,17 @@ class Fault:
 
     Attributes:
         kind: of a process, "kill" (SIGKILL, then started again) or "freeze" (SIGSTOP, then
-            SIGCONT); or a rule of the bridge.
+            SIGCONT); of messages at the bridge, "drop", "delay" (by delay_ms and up to jitter_ms
+            more, which also reorders them), "duplicate", one of TAMPERS, or "cut": the link is
+            down and services vanish from each other's sight.
         target: the process it happens to; of messages, empty.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
         every: plans until it begins again.
         times: how often it happens.
-        share, topics, delay_ms, jitter_ms: of a rule, see `bridge.MessageRule`.
+        share: of messages that it happens to.
+        topics: of these messages; empty means all.
+        delay_ms, jitter_ms: of "delay".
     """
 
     kind: str
@@ -47,18 +52,19 @@ class Fault:
             raise UsageError(f"fault {self.kind!r} needs a target")
         if not 0 <= self.lasts <= 60:
             raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
+        if not 0 < self.share <= 1:
+            raise UsageError(f"fault {self.kind!r}: share must be in (0, 1], got {self.share}")
         if self.times < 1 or self.every < 1 or self.after_plan < 0:
             raise UsageError(f"fault {self.kind!r}: times and every must be at least 1")
 
     @property
     def is_message(self) -> bool:
         """Whether it happens to messages."""
-        return self.kind in RULES
+        return self.kind in MESSAGE_FAULTS
 
-    @property
-    def rule(self) -> MessageRule:
-        """What the bridge does."""
-        return MessageRule(self.kind, self.share, self.topics, self.delay_ms, self.jitter_ms)
+    def concerns(self, topic: str) -> bool:
+        """Whether it may happen to messages of a topic."""
+        return not self.topics or topic in self.topics
 
     @property
     def plans(self) -> list[int]:

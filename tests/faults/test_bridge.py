@@ -3,8 +3,8 @@ import time
 import numpy as np
 import pytest
 
-from sumo_dist.errors import UsageError
-from sumo_dist.faults.bridge import FaultBridge, MessageRule
+from sumo_dist.faults.bridge import FaultBridge
+from sumo_dist.faults.script import Fault
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import State
@@ -37,7 +37,7 @@ def ends(endpoints, eventually):
         yield bridge, here, inbox, members
 
 
-def test_what_no_rule_hits_passes(ends):
+def test_what_no_fault_hits_passes(ends):
     _, here, inbox, _ = ends
     here.publish(state(1))
     assert inbox.get(timeout=3.0).tick == 1
@@ -45,11 +45,11 @@ def test_what_no_rule_hits_passes(ends):
 
 def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends, eventually):
     bridge, here, inbox, members = ends
-    bridge.set_rules((MessageRule("cut"),))
+    bridge.set_faults(Fault("cut", 0))
     assert eventually(lambda: not members.now)
     here.publish(state(1))
     assert eventually(lambda: bridge.counts["cut"] == 1)
-    bridge.set_rules(())
+    bridge.set_faults()
     assert eventually(lambda: members.now)
     here.publish(state(2))
     assert inbox.get(timeout=3.0).tick == 2
@@ -57,10 +57,10 @@ def test_a_cut_link_loses_messages_and_members_and_gives_them_back(ends, eventua
 
 def test_duplicates_arrive_twice_and_lost_ones_never(ends, eventually):
     bridge, here, inbox, _ = ends
-    bridge.set_rules((MessageRule("duplicate"),))
+    bridge.set_faults(Fault("duplicate", 0))
     here.publish(state(1))
     assert [inbox.get(timeout=3.0).tick for _ in range(2)] == [1, 1]
-    bridge.set_rules((MessageRule("drop", topics=("state",)),))
+    bridge.set_faults(Fault("drop", 0, topics=("state",)))
     here.publish(state(2))
     assert eventually(lambda: bridge.counts["drop"] == 1)
     assert inbox.empty()
@@ -74,7 +74,7 @@ def test_it_may_end_with_messages_on_their_way(endpoints, eventually, monkeypatc
     monkeypatch.setitem(TAMPERS, "garbage", slow)
     with Bus.dial(endpoints[0], "spot") as here:
         with FaultBridge(*endpoints, seed=1) as bridge:
-            bridge.set_rules((MessageRule("garbage"),))
+            bridge.set_faults(Fault("garbage", 0))
 
             def passes():
                 for tick in range(100):
@@ -86,9 +86,3 @@ def test_it_may_end_with_messages_on_their_way(endpoints, eventually, monkeypatc
         time.sleep(0.3)  # Zenoh hands over the others
     assert bridge.counts["passed"] == passed
     assert "Traceback" not in capfd.readouterr().err
-
-
-@pytest.mark.parametrize(("kind", "share"), [("burn", 1.0), ("drop", 0.0), ("drop", 1.5)])
-def test_a_rule_that_makes_no_sense_is_refused(kind, share):
-    with pytest.raises(UsageError, match=r"valid|share must be in"):
-        MessageRule(kind, share)

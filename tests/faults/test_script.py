@@ -47,6 +47,10 @@ def test_reads_a_script(write):
             "unknown fault 'rain'; valid: cut, delay",
         ),
         ('[[faults]]\nkind = "drop"\nafter_plan = 1', "messages need services behind the bridge"),
+        (
+            '[[faults]]\nkind = "drop"\nshare = 1.5\nafter_plan = 1',
+            r"fault 'drop': share must be in \(0, 1\], got 1.5",
+        ),
         ('viewer = "tv"', 'viewer must be "web" or "", got \'tv\''),
         ("= 3", "is not TOML"),
     ],
