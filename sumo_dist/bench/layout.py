@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from sumo_dist.errors import UsageError
@@ -85,3 +86,33 @@ def checked_engine(kind: str) -> tuple[str, str]:
             "to bench the other one, say --engine fallback"
         )
     return name, build
+
+
+@dataclass(frozen=True)
+class SeedOptions:
+    """Options of the benches that repeat one task with many seeds.
+
+    Attributes:
+        json: print one JSON object.
+        task: what is done.
+        trials: seeds of each row.
+        seed0: the first seed.
+    """
+
+    json: bool = False
+    task: str = "spot/move_box"
+    trials: int = 5
+    seed0: int = 1
+
+    def __post_init__(self) -> None:
+        check_at_least(1, trials=self.trials)
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of each row."""
+        return range(self.seed0, self.seed0 + self.trials)
+
+    def about(self) -> Result:
+        """Return these options as the result has them, with the engine's name."""
+        engine, _ = checked_engine("auto")
+        return {"engine": engine, "task": self.task, "trials": self.trials, "seed0": self.seed0}

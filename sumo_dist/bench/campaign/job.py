@@ -14,8 +14,9 @@ from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.single import run_planned, run_single
 from sumo_dist.episode.summary import summarise, write_summary
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -47,13 +48,17 @@ class Job:
     digest: str | None = None
 
 
-def run_alone(variant: str, episode: EpisodeConfig) -> Row:
-    """Run a trial without a campaign around it, and return its row."""
+def run_alone(question: tuple[str, Mapping[str, Any], Mapping[str, Any]]) -> Row:
+    """Run a trial without a campaign around it: its variant, fields of episode and planner."""
+    variant, fields, planner = question
+    try:
+        episode = EpisodeConfig(planner=PlannerConfig.from_settings(planner), **fields)
+    except TypeError as error:
+        raise UsageError(f"an episode of another version: {error}") from None
     trial = Trial(episode.task, episode.seed, variant)
     settings = {**common_settings(episode), **task_settings(episode)}
-    return run_trial(
-        Job(trial, episode, {**trial._asdict(), **settings, "provenance": provenance()})
-    )
+    about = {**trial._asdict(), **settings, "provenance": provenance()}
+    return run_trial(Job(trial, episode, about))
 
 
 def run_trial(job: Job) -> Row:

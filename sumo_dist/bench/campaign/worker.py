@@ -3,19 +3,15 @@
 import json
 import logging
 import threading
-from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from typing import Any
 
 from sumo_dist.bench.campaign.job import run_alone
 from sumo_dist.bench.campaign.processes import JobProcess
 from sumo_dist.bench.campaign.remote import BENCH, ROLE
 from sumo_dist.bench.layout import checked_engine
-from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.launch.serve import service
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores
 from sumo_dist.services.worker import unique_name
 from sumo_dist.wire.bus import Bus
@@ -103,7 +99,7 @@ class TrialSlot:
         episode = request.episode
         log.info("%s: %s seed %s", self.name, episode.get("task"), episode.get("seed"))
         question = request.variant, episode, request.planner
-        with JobProcess(run_question, question) as process:
+        with JobProcess(run_alone, question) as process:
             while not process.wait(WAKE_S):
                 newer = self._requests.wait(0.0)
                 if stop.is_set() or (newer is not None and not same(newer, request)):
@@ -117,16 +113,6 @@ class TrialSlot:
             log.error("%s refused: %s", self.name, refusal)
         packed = json.dumps(row, allow_nan=False) if row else ""
         return TrialReply(request.run, self.name, request.number, packed, refusal), None
-
-
-def run_question(question: tuple[str, Mapping[str, Any], Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Run a trial in this process: its variant, fields of the episode and of its planner."""
-    variant, episode, planner = question
-    try:
-        config = EpisodeConfig(planner=PlannerConfig.from_settings(planner), **episode)
-    except TypeError as error:
-        raise UsageError(f"an episode of another version: {error}") from None
-    return run_alone(variant, config)
 
 
 def same(one: TrialRequest | TrialReply, other: TrialRequest) -> bool:

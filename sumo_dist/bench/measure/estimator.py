@@ -7,8 +7,15 @@ from typing import Annotated, Any
 import tyro
 
 from sumo_dist.bench.layout import Result, check_at_least, run_bench, say, table
-from sumo_dist.bench.measure.channels import Errors, mean_errors, title
-from sumo_dist.bench.measure.walks import SETTLE_S, VELOCITIES, Walk, walk
+from sumo_dist.bench.measure.walks import (
+    SETTLE_S,
+    VELOCITIES,
+    Errors,
+    Walk,
+    mean_errors,
+    title,
+    walk,
+)
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import LowPassConfig
 from sumo_dist.plant.noise import NOMINAL, PLANTS

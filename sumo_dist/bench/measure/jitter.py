@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, check_at_least, run_bench, say, table
-from sumo_dist.bench.measure.seeds import SeedOptions
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, say, table
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.priority import CHOICES, VARIABLE
@@ -77,20 +76,12 @@ def measure(options: Options) -> Result:
 def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any]:
     """Make one run in processes of its own and return its summary."""
     with TemporaryDirectory() as folder:
-        flags = {
-            "clock": "realtime",
-            "speed": 1,
-            "seed": seed,
-            "time-limit": options.seconds,
-            "workers": workers,
-            "viewer": "none",
-            "listen": "tcp/127.0.0.1:0",
-            "out": folder,
-        }
-        given = [f"--{name}={value}" for name, value in flags.items()]
+        given = {"seed": seed, "time-limit": options.seconds, "workers": workers, "out": folder}
+        given |= {"clock": "realtime", "speed": 1, "viewer": "none", "listen": "tcp/127.0.0.1:0"}
+        flags = [f"--{name}={value}" for name, value in given.items()]
         try:
             done = subprocess.run(
-                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *given],
+                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *flags],
                 env={**os.environ, VARIABLE: choice},
                 capture_output=True,
                 text=True,

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.campaign.processes import processes
-from sumo_dist.bench.layout import Result, check_at_least, markdown, run_bench, say
-from sumo_dist.bench.measure.seeds import SeedOptions
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, markdown, run_bench, say
 from sumo_dist.bench.results.stats import wilson
 from sumo_dist.episode.assemble import make_guard, make_plant
 from sumo_dist.episode.config import EpisodeConfig

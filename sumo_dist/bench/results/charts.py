@@ -110,7 +110,7 @@ def solved_by(results: Results) -> str:
             axes.set_axis_off()
         for axes, task in zip(grid.flat, results.tasks, strict=False):
             axes.set(xlim=(0, limit), ylim=(-0.02, 1.04), yticks=(0, 0.5, 1))
-            axes.set_title(f"{short(task.name)}  {task.count.successes}/{task.count.trials}")
+            axes.set_title(f"{short(task.name)}  {task.count}")
             if task.control:
                 _draw_steps(axes, task.control, limit, color=CONTROL, linestyle="--")
             _draw_steps(axes, task.count, limit, color=OURS)
@@ -120,11 +120,9 @@ def solved_by(results: Results) -> str:
 
 def _draw_steps(axes: Axes, count: Count, limit: float, **look: Any) -> None:
     """The empirical distribution of completion times."""
-    times, share = (
-        [0.0, *sorted(count.times), limit],
-        [i / count.trials for i in range(count.successes + 1)],
-    )
-    axes.step(times, [*share, share[-1]], where="post", linewidth=2, **look)
+    times = [0.0, *sorted(count.times), limit]
+    solved = [*range(count.successes + 1), count.successes]
+    axes.step(times, [n / count.trials for n in solved], where="post", linewidth=2, **look)
 
 
 def endings(results: Results) -> str:

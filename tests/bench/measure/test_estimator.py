@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from sumo_dist.bench.measure.channels import Errors, errors_of
 from sumo_dist.bench.measure.estimator import PROFILES, filters, row, text
-from sumo_dist.bench.measure.walks import walk
+from sumo_dist.bench.measure.walks import Errors, errors_of, walk
 from sumo_dist.errors import UsageError
 from sumo_dist.estimate import LowPassConfig
 from sumo_dist.math.rotations import from_rotation_vector, multiply
