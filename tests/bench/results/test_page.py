@@ -8,9 +8,10 @@ from xml.etree import ElementTree
 import pytest
 
 from sumo_dist.bench.results.outcomes import JOURNAL, REQUEST, Results
-from sumo_dist.bench.results.page import page
+from sumo_dist.bench.results.page import PICTURES, page
 from sumo_dist.bench.results.tables import text
 from sumo_dist.errors import SumoError
+from sumo_dist.view import replay
 
 BOX, TIRE = "spot/move_box", "spot/upright_tire"
 
@@ -123,6 +124,10 @@ def test_a_page_without_its_libraries_is_one_clear_error(monkeypatch):
     monkeypatch.delitem(sys.modules, "sumo_dist.bench.results.page")
     with pytest.raises(SumoError, match=r"jinja2 and matplotlib.*'sumo-dist\[bench\]'"):
         importlib.import_module("sumo_dist.bench.results.page")
+
+
+def test_a_strip_has_the_times_of_its_pictures():
+    assert replay.STRIP == PICTURES
 
 
 def test_markdown_names_every_failed_trial(results):
