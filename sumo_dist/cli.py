@@ -78,7 +78,6 @@ COMMANDS = {
     "bench jitter": Command(
         "Time how late the robot's commands are", "sumo_dist.bench.measure.jitter"
     ),
-    "bench fuzz": Command("Feed nonsense to every message handler", "sumo_dist.bench.measure.fuzz"),
     "bench episodes": Command(
         "Run many seeds and count successes", "sumo_dist.bench.campaign.episodes"
     ),

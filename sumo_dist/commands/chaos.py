@@ -1,21 +1,18 @@
 """`sumo-dist chaos SCRIPT...`: runs in which things go wrong on purpose, and a verdict on each."""
 
-import json
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
-from sumo_dist.bench.layout import heading, markdown
+from sumo_dist.bench.layout import Result, check_at_least, markdown, run_bench, say
 from sumo_dist.errors import UsageError
 from sumo_dist.faults.growth import Growth
-from sumo_dist.faults.run import play
+from sumo_dist.faults.run import run_script
 from sumo_dist.faults.script import read_script
 from sumo_dist.faults.verdict import Outcome, counted
-from sumo_dist.provenance import timing_provenance
 
 HEADS = (
     *("script", "runs", "faults", "plans", "commands", "rate [1/s]", "rollouts", "resumed [s]"),
@@ -42,54 +39,53 @@ class Options:
     def __post_init__(self) -> None:
         if not self.scripts:
             raise UsageError("chaos needs at least one fault script, such as those of deploy/chaos")
-        if self.episodes < 1:
-            raise UsageError(f"episodes must be at least 1, got {self.episodes}")
+        check_at_least(1, episodes=self.episodes)
 
 
 def main(options: Options) -> int:
     """Run every script; 1 if one was not as it must be."""
     scripts = [read_script(path) for path in options.scripts]
-    about, outcomes = timing_provenance(), []
-    for script in scripts:
-        for episode in range(options.episodes):
-            seeded = replace(script, seed=script.seed + episode)
-            keep = options.keep / f"{script.name}-{seeded.seed}" if options.keep else None
-            outcome = play(seeded, keep)
-            outcomes.append(outcome)
-            verdict = "; ".join(outcome.failures) or "as it must be"
-            print(f"{script.name} seed {seeded.seed}: {verdict}", file=sys.stderr, flush=True)
-    result = {**about, "outcomes": [asdict(outcome) for outcome in outcomes]}
-    print(json.dumps(result, indent=1) if options.json else text(result, outcomes))
+    outcomes: list[Outcome] = []
+
+    def run_all() -> Result:
+        for script in scripts:
+            for episode in range(options.episodes):
+                seeded = replace(script, seed=script.seed + episode)
+                keep = options.keep / f"{script.name}-{seeded.seed}" if options.keep else None
+                outcomes.append(outcome := run_script(seeded, keep))
+                verdict = "; ".join(outcome.failures) or "as it must be"
+                say(f"{script.name} seed {seeded.seed}: {verdict}")
+        return {"outcomes": [asdict(outcome) for outcome in outcomes]}
+
+    run_bench("chaos", options.json, run_all, lambda _: text(outcomes))
     return int(any(outcome.failures for outcome in outcomes))
 
 
-def text(about: dict[str, Any], outcomes: list[Outcome]) -> str:
+def text(outcomes: Sequence[Outcome]) -> Iterator[str]:
     """Lay out the verdicts, one line a script; of a single run, its services as well."""
-    names = [outcome.name for outcome in outcomes]
-    rows = [row([o for o in outcomes if o.name == n]) for n in dict.fromkeys(names)]
     faults, failed = sum(o.faults for o in outcomes), sum(1 for o in outcomes if o.failures)
+    yield (
+        f"{len(outcomes)} runs, {faults} faults, {sum(o.commands for o in outcomes)} commands, "
+        f"{failed} runs not as they must be. Resumed: the longest wall time from the end of a "
+        "fault, and of all that overlap it, to the next good plan. Rate: plans per second of "
+        "wall time; rollouts: median a plan (both: the least of the script's runs). Growth: "
+        "the most that a process other than the tracer grew in the second half of its life."
+    )
+    names = dict.fromkeys(outcome.name for outcome in outcomes)
+    yield markdown(HEADS, [row([o for o in outcomes if o.name == name]) for name in names])
     notes = [f"- {o.name} seed {o.seed}: {line}" for o in outcomes for line in o.failures]
     notes += [
         f"- {o.name} seed {o.seed}: it fell, as it does without faults"
         for o in outcomes
         if o.end == o.undisturbed
     ]
-    return "\n\n".join(
-        (
-            heading("chaos", about),
-            f"{len(outcomes)} runs, {faults} faults, {sum(o.commands for o in outcomes)} commands, "
-            f"{failed} runs not as they must be. Resumed: the longest wall time from the end of a "
-            "fault, and of all that overlap it, to the next good plan. Rate: plans per second of "
-            "wall time; rollouts: median a plan (both: the least of the script's runs). Growth: "
-            "the most that a process other than the tracer grew in the second half of its life.",
-            markdown(HEADS, rows),
-            *(["\n".join(notes)] if notes else []),
-            *([services(outcomes[0].growths)] if len(outcomes) == 1 else []),
-        )
-    )
+    if notes:
+        yield "\n".join(notes)
+    if len(outcomes) == 1:
+        yield services(outcomes[0].growths)
 
 
-def row(runs: list[Outcome]) -> tuple[str, ...]:
+def row(runs: Sequence[Outcome]) -> tuple[str, ...]:
     """Lay out the runs of one script."""
     waits = [run.slowest_s for run in runs if run.slowest_s is not None]
     growths = [growth for run in runs for growth in counted(run.growths)]

@@ -265,13 +265,13 @@ def planning() -> Finding:
 
 def plan_times(threads: int) -> list[float]:
     """Wall times of some plans of default settings [ms]."""
-    from sumo_dist.bench.measure.moment import Moment
     from sumo_dist.bench.measure.planning import in_process, request
+    from sumo_dist.bench.measure.snapshot import Snapshot
     from sumo_dist.episode.config import EpisodeConfig
 
-    moment = Moment.load()
-    with in_process(EpisodeConfig(moment.task), threads) as plan:
-        return [plan(request(moment, number)).plan_ms for number in range(1, PLANS + 1)]
+    snapshot = Snapshot.load()
+    with in_process(EpisodeConfig(snapshot.task), threads) as plan:
+        return [plan(request(snapshot, number)).plan_ms for number in range(1, PLANS + 1)]
 
 
 CHECKS: dict[str, Callable[[], Finding]] = {

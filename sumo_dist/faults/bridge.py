@@ -1,169 +1,133 @@
-"""A bad network on purpose: a bridge between two routers that spoils what passes.
+"""A bad network on purpose: a bridge between two routers that disturbs what passes.
 
-Services behind it dial the one router, all others the other. Messages and tokens of living services
-cross in both directions; rules say what happens to them on the way.
+Services behind it dial one of the routers, all others the other one. Messages and liveliness tokens
+cross in both directions; faults say what happens to them on the way.
 """
 
 import heapq
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 import zenoh
 
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.faults.script import Fault
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.session import open_client
 
-LINK_RULES = ("drop", "delay", "duplicate", "cut")
-RULES = (*LINK_RULES, *TAMPERS)
-
 _OPEN_S = 30.0
-_ECHO_S = 0.005  # from a message to its duplicate
+_DUPLICATE_S = 0.005  # from a message to its duplicate
 
 
-@dataclass(frozen=True)
-class Rule:
-    """What happens to messages.
-
-    Attributes:
-        kind: "drop"; "delay" by delay_ms and up to jitter_ms more, which also changes their order;
-            "duplicate"; "cut", the link is down and services vanish from each other's sight; or one
-            of wire.tamper.
-        share: of messages it happens to.
-        topics: it happens to; empty means all.
-        delay_ms, jitter_ms: of "delay".
-    """
-
-    kind: str
-    share: float = 1.0
-    topics: tuple[str, ...] = ()
-    delay_ms: float = 0.0
-    jitter_ms: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in RULES:
-            raise unknown("rule", self.kind, RULES)
-        if not 0 < self.share <= 1:
-            raise UsageError(f"share must be in (0, 1], got {self.share}")
-
-    def hits(self, key: str, rng: np.random.Generator) -> bool:
-        """Whether it happens to a message this time."""
-        topic = key.split("/")[3]
-        return (not self.topics or topic in self.topics) and rng.random() < self.share
-
-
-class Mangler:
+class FaultBridge:
     """The bridge. A context manager.
 
     Attributes:
-        done: messages by what happened to them.
+        counts: messages by what happened to them.
     """
 
     def __init__(self, near: str, far: str, seed: int) -> None:
         """Dial both routers."""
-        self.done: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self._rng, self._lock = np.random.default_rng(seed), threading.RLock()
-        self._rules: tuple[Rule, ...] = ()
+        self._faults: tuple[Fault, ...] = ()
         self._ends = (open_client(near, _OPEN_S), open_client(far, _OPEN_S))
-        self._tokens: list[dict[str, zenoh.LivelinessToken]] = [{}, {}]  # that we hold, per end
-        self._seen: list[set[str]] = [set(), set()]  # tokens of services, per end
-        self._way: list[tuple[float, int, int, str, bytes]] = []
-        self._sent, self._over = 0, threading.Event()
-        self._courier = threading.Thread(target=self._deliver, daemon=True)
-        self._receivers: list[Any] = []
+        self._tokens: list[dict[str, zenoh.LivelinessToken]] = [{}, {}]  # declared here, per end
+        self._alive: list[set[str]] = [set(), set()]  # tokens of services, per end
+        self._delayed: list[tuple[float, int, int, str, bytes]] = []  # due [s], number, end, ...
+        self._number, self._closed = 0, threading.Event()
+        self._sender = threading.Thread(target=self._send_delayed, daemon=True)
+        self._subscribers: list[Any] = []
 
     def __enter__(self) -> Self:
-        self._courier.start()
+        self._sender.start()
         for end, session in enumerate(self._ends):
-            # Keys of all versions: it is the receiver's part to refuse one.
+            # Keys of all versions: refusing a version is the receiver's task.
             messages = session.declare_subscriber(
                 f"sumo/v{SCHEMA}/**",
-                lambda sample, end=end: self._message(end, sample),
+                lambda sample, end=end: self._on_message(end, sample),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             tokens = session.liveliness().declare_subscriber(
-                "sumo/alive/**", lambda sample, end=end: self._token(end, sample), history=True
+                "sumo/alive/**", lambda sample, end=end: self._on_token(end, sample), history=True
             )
-            self._receivers += [messages, tokens]
+            self._subscribers += [messages, tokens]
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self._lock:  # Zenoh still hands over what it had queued, and the ends close in turn
-            self._over.set()
-        self._courier.join()
-        for receiver in self._receivers:
-            receiver.undeclare()
+        with self._lock:  # Zenoh still delivers what it has queued, and the ends close in turn
+            self._closed.set()
+        self._sender.join()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()
         for session in self._ends:
             session.close()
 
-    def set(self, rules: tuple[Rule, ...]) -> None:
-        """Let these rules hold from now on, instead of those before."""
+    def set_faults(self, *faults: Fault) -> None:
+        """Let these faults happen from now on, instead of those before."""
         with self._lock:
-            was, self._rules = self._is_cut(), rules
-            if was != self._is_cut():
+            was_cut, self._faults = self._is_cut(), faults
+            if was_cut != self._is_cut():
                 for end in (0, 1):
-                    for key in self._seen[end]:
+                    for key in self._alive[end]:
                         self._show(1 - end, key, alive=not self._is_cut())
 
     def _is_cut(self) -> bool:
-        return any(rule.kind == "cut" for rule in self._rules)
+        return any(fault.kind == "cut" for fault in self._faults)
 
-    def _message(self, end: int, sample: zenoh.Sample) -> None:
-        key, payload, wait = str(sample.key_expr), sample.payload.to_bytes(), 0.0
+    def _on_message(self, end: int, sample: zenoh.Sample) -> None:
+        key, payload, delay = str(sample.key_expr), sample.payload.to_bytes(), 0.0
         with self._lock:
-            if self._over.is_set():
+            if self._closed.is_set():
                 return
-            self.done["passed"] += 1
-            for rule in self._rules:
-                if not rule.hits(key, self._rng):
+            self.counts["passed"] += 1
+            for fault in self._faults:
+                if not fault.concerns(key.split("/")[3]) or self._rng.random() >= fault.share:
                     continue
-                self.done[rule.kind] += 1
-                if rule.kind in ("drop", "cut"):
+                self.counts[fault.kind] += 1
+                if fault.kind in ("drop", "cut"):
                     return
-                if rule.kind == "delay":
-                    wait += (rule.delay_ms + rule.jitter_ms * self._rng.random()) / 1e3
-                elif rule.kind == "duplicate":
-                    self._send(1 - end, key, payload, wait + _ECHO_S)
+                if fault.kind == "delay":
+                    delay += (fault.delay_ms + fault.jitter_ms * self._rng.random()) / 1e3
+                elif fault.kind == "duplicate":
+                    self._send(1 - end, key, payload, delay + _DUPLICATE_S)
                 else:
-                    payload = TAMPERS[rule.kind](payload, self._rng)
-            self._send(1 - end, key, payload, wait)
+                    payload = TAMPERS[fault.kind](payload, self._rng)
+            self._send(1 - end, key, payload, delay)
 
-    def _send(self, end: int, key: str, payload: bytes, wait: float) -> None:
-        self._sent += 1
-        if wait > 0:
-            heapq.heappush(self._way, (time.monotonic() + wait, self._sent, end, key, payload))
+    def _send(self, end: int, key: str, payload: bytes, delay: float = 0.0) -> None:
+        """Send a message now or after a delay [s]."""
+        if delay > 0:
+            self._number += 1
+            due = time.monotonic() + delay
+            heapq.heappush(self._delayed, (due, self._number, end, key, payload))
         else:
-            self._put(end, key, payload)
+            drop = zenoh.CongestionControl.DROP
+            self._ends[end].put(key, payload, congestion_control=drop, express=True)
 
-    def _put(self, end: int, key: str, payload: bytes) -> None:
-        drop = zenoh.CongestionControl.DROP
-        self._ends[end].put(key, payload, congestion_control=drop, express=True)
-
-    def _deliver(self) -> None:
-        """Send what was delayed when its time has come."""
-        while not self._over.wait(0.001):
+    def _send_delayed(self) -> None:
+        while not self._closed.wait(0.001):
             with self._lock:
-                while self._way and self._way[0][0] <= time.monotonic():
-                    _, _, end, key, payload = heapq.heappop(self._way)
-                    self._put(end, key, payload)
+                while self._delayed and self._delayed[0][0] <= time.monotonic():
+                    _, _, end, key, payload = heapq.heappop(self._delayed)
+                    self._send(end, key, payload)
 
-    def _token(self, end: int, sample: zenoh.Sample) -> None:
+    def _on_token(self, end: int, sample: zenoh.Sample) -> None:
         key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
         with self._lock:
-            if self._over.is_set() or key in self._tokens[end]:  # at its end, and our own
+            if self._closed.is_set() or key in self._tokens[end]:  # the bridge's own token
                 return
-            (self._seen[end].add if alive else self._seen[end].discard)(key)
+            (self._alive[end].add if alive else self._alive[end].discard)(key)
             if not self._is_cut():
                 self._show(1 - end, key, alive)
 
     def _show(self, end: int, key: str, alive: bool) -> None:
-        held = self._tokens[end]
-        if alive and key not in held:
-            held[key] = self._ends[end].liveliness().declare_token(key)
-        elif not alive and key in held:
-            held.pop(key).undeclare()
+        """Declare a service of the other end alive at this one, or no longer."""
+        declared = self._tokens[end]
+        if alive and key not in declared:
+            declared[key] = self._ends[end].liveliness().declare_token(key)
+        elif not alive and key in declared:
+            declared.pop(key).undeclare()

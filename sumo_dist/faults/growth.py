@@ -1,4 +1,4 @@
-"""How large the processes of a run are, from beginning to end: leaks show here."""
+"""Memory and open files of a run's processes, from beginning to end, to find leaks."""
 
 import os
 import time
@@ -6,82 +6,63 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import Popen
-from typing import NamedTuple
 
 import numpy as np
 
-LOOK_S = 0.25  # between two looks
-GROWN_UP_S = 6.0  # younger processes still load what they need
-
-
-class Size(NamedTuple):
-    """A process at one instant.
-
-    Attributes:
-        at: time.monotonic() [s].
-        mb: resident memory [MB].
-        files: open file descriptors.
-    """
-
-    at: float
-    mb: float
-    files: int
+PERIOD_S = 0.25  # between two samples
+WARM_UP_S = 6.0  # younger processes still load what they need
 
 
 @dataclass(frozen=True)
 class Growth:
-    """A service over its longest life.
-
-    Attributes:
-        service: its name.
-        lives: processes it had.
-        seconds: that it lived.
-        mb, files: in the middle of that life and at its end, averaged over a tenth of it each.
-    """
+    """A service over its longest life."""
 
     service: str
-    lives: int
-    seconds: float
-    mb: tuple[float, float]
-    files: tuple[float, float]
+    lives: int  # processes it had
+    seconds: float  # that the longest lived
+    mb: tuple[float, float]  # resident memory in the middle of that life and at its end
+    files: tuple[float, float]  # open files likewise; all averaged over a tenth of the life
 
 
-class Census:
-    """Looks at processes now and then."""
+class GrowthMonitor:
+    """Samples the size of processes a few times a second (Linux)."""
 
     def __init__(self) -> None:
-        """Start without having seen any."""
-        self._lives: dict[tuple[str, int], list[Size]] = {}
-        self._looked = 0.0
+        """Start without samples."""
+        # By service and process id; a sample is (time [s], memory [MB], open files).
+        self._lives: dict[tuple[str, int], list[tuple[float, float, int]]] = {}
+        self._sampled = 0.0
 
-    def look(self, processes: Mapping[str, "Popen[bytes]"]) -> None:
-        """Note the size of each process by its service's name, if it is time to."""
+    def sample(self, processes: Mapping[str, "Popen[bytes]"]) -> None:
+        """Note the size of each process, by its service's name, if it is time to."""
         now = time.monotonic()
-        if now - self._looked < LOOK_S:
+        if now - self._sampled < PERIOD_S:
             return
-        self._looked = now
+        self._sampled = now
         for service, process in processes.items():
-            if (size := _size(process.pid, now)) is not None:
-                self._lives.setdefault((service, process.pid), []).append(size)
+            size = _size(process.pid)
+            if size is not None:
+                self._lives.setdefault((service, process.pid), []).append((now, *size))
 
     def growths(self) -> list[Growth]:
-        """Return how the services have grown; those that were never old enough are left out."""
-        names = dict.fromkeys(service for service, _ in self._lives)
+        """Return how the services have grown, but for those that were never old enough."""
         found = []
-        for name in names:
-            lives = [sizes for (service, _), sizes in self._lives.items() if service == name]
-            longest = max(lives, key=lambda sizes: sizes[-1].at - sizes[0].at)
-            seconds = longest[-1].at - longest[0].at
-            if seconds > GROWN_UP_S:
-                mb, files = _middle_and_end(np.array(longest)[:, 1:])
-                found.append(Growth(name, len(lives), round(seconds, 1), mb, files))
+        for name in dict.fromkeys(service for service, _ in self._lives):
+            lives = [
+                np.array(life) for (service, _), life in self._lives.items() if service == name
+            ]
+            longest = max(lives, key=lambda life: life[-1, 0] - life[0, 0])
+            seconds = longest[-1, 0] - longest[0, 0]
+            if seconds > WARM_UP_S:
+                mb, files = _middle_and_end(longest[:, 1:])
+                found.append(Growth(name, len(lives), round(float(seconds), 1), mb, files))
         return found
 
-    def table(self) -> str:
-        """Return all that was seen, as CSV."""
+    def csv(self) -> str:
+        """Return all samples."""
         lines = ["service,pid,at_s,rss_mb,files"]
-        for (service, pid), sizes in self._lives.items():
-            lines += [f"{service},{pid},{s.at:.2f},{s.mb:.2f},{s.files}" for s in sizes]
+        for (service, pid), life in self._lives.items():
+            lines += [f"{service},{pid},{at:.2f},{mb:.2f},{files}" for at, mb, files in life]
         return "\n".join(lines) + "\n"
 
 
@@ -93,11 +74,11 @@ def _middle_and_end(sizes: np.ndarray) -> list[tuple[float, float]]:
     return [(round(float(m), 2), round(float(e), 2)) for m, e in zip(middle, end, strict=True)]
 
 
-def _size(pid: int, now: float) -> Size | None:
-    """Size of a process, None if it is gone."""
+def _size(pid: int) -> tuple[float, int] | None:
+    """Resident memory [MB] and open files of a process; None if it has ended."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
         files = len(os.listdir(f"/proc/{pid}/fd"))
     except (OSError, IndexError):
         return None
-    return Size(now, pages * os.sysconf("SC_PAGE_SIZE") / 1e6, files) if pages else None
+    return (pages * os.sysconf("SC_PAGE_SIZE") / 1e6, files) if pages else None

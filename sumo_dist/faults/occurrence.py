@@ -1,4 +1,4 @@
-"""A fault as it happened, and how long planning took to resume after it."""
+"""Faults as they happened, and how long planning took to resume after each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +7,13 @@ from sumo_dist.faults.script import Fault
 
 
 @dataclass
-class Blow:
-    """One fault as it happened.
+class FaultOccurrence:
+    """One fault as it happened; times are those of time.monotonic() [s].
 
     Attributes:
         fault: which.
-        began, ended: wall time [s] of time.monotonic(); a killed service's fault ends when it is
-            seen alive again.
-        resumed: wall time at which the next good plan came; None if none did.
+        began, ended: a killed service's fault ends when the service is seen alive again.
+        resumed: when the next good plan came; None if none did.
     """
 
     fault: Fault
@@ -23,29 +22,30 @@ class Blow:
     resumed: float | None = None
 
 
-def waited(blow: Blow, blows: Sequence[Blow], until: float | None) -> float | None:
-    """Return how long planning took to resume once nothing was wrong any more [s].
+def resume_delay(
+    occurrence: FaultOccurrence, all_of_run: Sequence[FaultOccurrence], run_ended: float | None
+) -> float | None:
+    """Return how long planning took to resume once no fault was active any more [s].
 
-    A fault that was active when this one ended, or began before planning resumed, is not this
-    one's doing: the clock starts at the end of the last of them.
+    A fault that was active when this one ended, or began before planning resumed, delays planning
+    as well: the time counts from the end of the last of them.
 
     Args:
-        blow: the fault.
-        blows: all of the run.
-        until: when the run ended, for a fault after which planning did not resume; None if that
-            is not known.
+        occurrence: the fault.
+        all_of_run: all faults of the run.
+        run_ended: counts as the time of resuming if planning never did; None if not known.
 
     Returns:
-        The wait; None if the run ended before this fault or one that overlaps it was over, or
-        nobody knows when.
+        The delay; None if the run ended before this fault or one that overlaps it was over, or if
+        nothing tells when planning resumed.
     """
-    resumed = until if blow.resumed is None else blow.resumed
-    if blow.ended is None or resumed is None:
+    resumed = run_ended if occurrence.resumed is None else occurrence.resumed
+    if occurrence.ended is None or resumed is None:
         return None
-    start = blow.ended
-    for other in blows:
-        if other.began < resumed and (other.ended is None or other.ended > blow.ended):
+    start = occurrence.ended
+    for other in all_of_run:
+        if other.began < resumed and (other.ended is None or other.ended > occurrence.ended):
             if other.ended is None:
-                return 0.0 if blow.resumed is not None else None
+                return 0.0 if occurrence.resumed is not None else None
             start = max(start, other.ended)
     return max(0.0, resumed - start)

@@ -2,17 +2,16 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.faults.bridge import RULES, Rule
+from sumo_dist.faults.tamper import TAMPERS
 
-PROCESS_FAULTS = ("kill", "freeze", "disk")
-HOST_FAULTS = ("clock", "unplug")
-KINDS = (*PROCESS_FAULTS, *HOST_FAULTS, *RULES)
-VIEWER = "viewer"  # a target that is no service: the tracer's child
+PROCESS_FAULTS = ("kill", "freeze")
+MESSAGE_FAULTS = ("drop", "delay", "duplicate", "cut", *TAMPERS)
+KINDS = (*PROCESS_FAULTS, *MESSAGE_FAULTS)
 VIEWERS = ("", "web")
 
 
@@ -21,17 +20,18 @@ class Fault:
     """Something that goes wrong, once or again and again.
 
     Attributes:
-        kind: of a process, "kill" (SIGKILL; a service is started again, "viewer" is not), "freeze"
-            (SIGSTOP, then SIGCONT) or "disk" (its files grow no more, as on a full one); "clock"
-            (the wall clock of all services jumps, and back); "unplug" (the cable to those that are
-            apart); or a rule of the mangler.
-        target: the process it happens to; of the other kinds, all whom they concern.
+        kind: of a process, "kill" (SIGKILL, then started again) or "freeze" (SIGSTOP, then
+            SIGCONT); of messages at the bridge, "drop", "delay" (by delay_ms and up to jitter_ms
+            more, which also reorders them), "duplicate", one of TAMPERS, or "cut": the link is
+            down and services vanish from each other's sight.
+        target: the process it happens to; of messages, empty.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
         every: plans until it begins again.
         times: how often it happens.
-        share, topics, delay_ms, jitter_ms: of a rule, see wire.mangle.
-        jump_s: by which a wall clock goes ahead [s].
+        share: of messages that it happens to.
+        topics: of these messages; empty means all.
+        delay_ms, jitter_ms: of "delay".
     """
 
     kind: str
@@ -44,34 +44,27 @@ class Fault:
     topics: tuple[str, ...] = ()
     delay_ms: float = 0.0
     jitter_ms: float = 0.0
-    jump_s: float = 3600.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise unknown("fault", self.kind, KINDS)
-        if self.is_process and not self.target:
+        if not self.is_message and not self.target:
             raise UsageError(f"fault {self.kind!r} needs a target")
-        if self.target == VIEWER and self.kind != "kill":
-            raise UsageError(f"a viewer can only be killed, not {self.kind!r}")
         if not 0 <= self.lasts <= 60:
             raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
+        if not 0 < self.share <= 1:
+            raise UsageError(f"fault {self.kind!r}: share must be in (0, 1], got {self.share}")
         if self.times < 1 or self.every < 1 or self.after_plan < 0:
             raise UsageError(f"fault {self.kind!r}: times and every must be at least 1")
 
     @property
-    def is_process(self) -> bool:
-        """Whether it happens to a process."""
-        return self.kind in PROCESS_FAULTS
-
-    @property
     def is_message(self) -> bool:
         """Whether it happens to messages."""
-        return self.kind in RULES
+        return self.kind in MESSAGE_FAULTS
 
-    @property
-    def rule(self) -> Rule:
-        """What the mangler does."""
-        return Rule(self.kind, self.share, self.topics, self.delay_ms, self.jitter_ms)
+    def concerns(self, topic: str) -> bool:
+        """Whether it may happen to messages of a topic."""
+        return not self.topics or topic in self.topics
 
     @property
     def plans(self) -> list[int]:
@@ -90,8 +83,7 @@ class Script:
         seed, clock, speed, estimator, time_limit: of the run; a realtime run has a speed.
         workers: rollout workers.
         settings: of the planner, as key=value.
-        behind: services that dial the mangler's router; all others are on its other side.
-        apart: services in a network of their own, at the other end of a cable.
+        behind: services behind the bridge; all others are on its other side.
         viewer: "web", or "" for a run without tracer and viewer.
         ends: how the run may end; other ends are failures.
         resumes: wall time from a fault's end to the next good plan, at most [s].
@@ -109,26 +101,21 @@ class Script:
     workers: int = 2
     settings: tuple[str, ...] = ("rollouts=10", "horizon=0.4")
     behind: tuple[str, ...] = ()
-    apart: tuple[str, ...] = ()
     viewer: str = ""
     ends: tuple[str, ...] = ("timeout", "success")
     resumes: float = 1.0
     wait: float = 30.0
-    count: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "count", sum(fault.times for fault in self.faults))
-        kinds, targets = {f.kind for f in self.faults}, {f.target for f in self.faults}
-        if not self.behind and not kinds.isdisjoint(RULES):
-            raise UsageError(f"{self.name}: faults of messages need services behind the mangler")
-        if "unplug" in kinds and not self.apart:
-            raise UsageError(f"{self.name}: fault 'unplug' needs services that are apart")
-        if self.apart and self.behind:
-            raise UsageError(f"{self.name}: services are either apart or behind the mangler")
+        if not self.behind and any(fault.is_message for fault in self.faults):
+            raise UsageError(f"{self.name}: faults of messages need services behind the bridge")
         if self.viewer not in VIEWERS:
             raise UsageError(f'{self.name}: viewer must be "web" or "", got {self.viewer!r}')
-        if VIEWER in targets and not self.viewer:
-            raise UsageError(f'{self.name}: there is no viewer to kill without viewer = "web"')
+
+    @property
+    def count(self) -> int:
+        """How many faults happen."""
+        return sum(fault.times for fault in self.faults)
 
 
 def read_script(path: Path) -> Script:
@@ -146,17 +133,19 @@ def read_script(path: Path) -> Script:
     faults = content.pop("faults", [])
     if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
         raise UsageError(f"{path}: faults are tables, [[faults]]")
-    made = tuple(_made(Fault, fault, path) for fault in faults)
-    script = _made(Script, {"name": path.stem, **content, "faults": made}, path)
+    for fault in faults:
+        if missing := [name for name in ("kind", "after_plan") if name not in fault]:
+            raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
+    made = tuple(_made(Fault, fault, path, kind=str, after_plan=int) for fault in faults)
+    script = _made(Script, {"name": path.stem, **content, "faults": made}, path, faults=tuple)
     if script.task.endswith(".py"):
         return replace(script, task=str(path.parent / script.task))
     return script
 
 
-def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:
-    """Build a dataclass of values whose types are those of its defaults."""
-    types = {f.name: type(f.default) for f in fields(kind) if f.init and f.default is not MISSING}
-    types |= {"kind": str, "after_plan": int} if kind is Fault else {"faults": tuple}
+def _made(made: type, values: Mapping[str, Any], path: Path, **required: type) -> Any:
+    """Build a dataclass of values whose types are those of its defaults, or required ones."""
+    types = required | {f.name: type(f.default) for f in fields(made) if f.default is not MISSING}
     given = {}
     for name, read in values.items():
         if name not in types:
@@ -167,7 +156,4 @@ def _made(kind: type, values: Mapping[str, Any], path: Path) -> Any:
         if type(value) is not types[name]:
             raise UsageError(f"{path}: {name} needs a {types[name].__name__}, got {value!r}")
         given[name] = value
-    missing = [n for n in ("kind", "after_plan") if kind is Fault and n not in given]
-    if missing:
-        raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
-    return kind(**given)
+    return made(**given)

@@ -1,7 +1,6 @@
-"""Turning good messages into bad ones, for tests, fuzzers and the mangler."""
+"""Turn good messages into bad ones, for the fault bridge."""
 
 from collections.abc import Callable
-from typing import Any
 
 import msgpack
 import numpy as np
@@ -9,9 +8,6 @@ import numpy as np
 from sumo_dist.wire.codec import seal, unseal
 
 Tamper = Callable[[bytes, np.random.Generator], bytes]
-
-_WHOLE = (0, 1, -1, 2**31, 2**53, 2**63 - 1, -(2**63))
-_FLOATS = (0.0, -0.0, 1e-300, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))
 
 
 def garbage(payload: bytes, rng: np.random.Generator) -> bytes:
@@ -54,47 +50,10 @@ def misshapen(payload: bytes, _rng: np.random.Generator) -> bytes:
     return seal(msgpack.Packer().pack(body))
 
 
-def nonsense(payload: bytes, rng: np.random.Generator) -> bytes:
-    """Change one field of a message, or one deep in it, and seal it again."""
-    body = msgpack.unpackb(unseal(payload))
-    place, keys = body, list(body)
-    while True:
-        key = keys[rng.integers(len(keys))]
-        inner = place[key]
-        if not isinstance(inner, (dict, list)) or not inner or rng.random() < 0.2:
-            break
-        place, keys = inner, list(inner) if isinstance(inner, dict) else list(range(len(inner)))
-    place[key] = _other(inner, rng)
-    try:
-        return seal(msgpack.Packer().pack(body))
-    except (ValueError, OverflowError):
-        return payload
-
-
-def _other(value: Any, rng: np.random.Generator) -> Any:
-    """Something else, mostly of the same kind."""
-    if rng.random() < 0.2:
-        return [None, True, 7, "x", b"x", [], {}, 0.5][rng.integers(8)]
-    match value:
-        case bool():
-            return not value
-        case int():
-            return int(rng.choice(np.array([*_WHOLE, value + 1, value - 1], object)))
-        case float():
-            return float(rng.choice([*_FLOATS, -value, value * 2]))
-        case str():
-            return rng.choice(["", "\0", "x" * 300, value + "x", value[:-1], "é/*$"]).item()
-        case bytes() if len(value) >= 8:
-            at = int(rng.integers(0, len(value) // 8)) * 8
-            return value[:at] + np.float64(rng.choice(_FLOATS)).tobytes() + value[at + 8 :]
-    return value
-
-
 TAMPERS: dict[str, Tamper] = {
     "garbage": garbage,
     "truncate": truncated,
     "version": other_version,
     "lie": lying,
     "misshape": misshapen,
-    "nonsense": nonsense,
 }

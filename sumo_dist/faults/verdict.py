@@ -1,7 +1,7 @@
 """What a run under faults must have been like."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError
 from sumo_dist.faults.growth import Growth
-from sumo_dist.faults.occurrence import Blow, waited
+from sumo_dist.faults.occurrence import FaultOccurrence, resume_delay
 from sumo_dist.faults.script import Script
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.record.recording import Recording
@@ -27,101 +27,94 @@ _EXACT = 1e-9
 
 
 @dataclass(frozen=True)
+class RunRecord:
+    """A run as it went."""
+
+    script: Script
+    folder: Path  # with the run's files and the services' messages
+    exit_code: int | None  # the robot's, None if it hangs
+    occurrences: Sequence[FaultOccurrence] = ()
+    growths: Sequence[Growth] = ()  # of the services that lived long enough
+    tampered: dict[str, int] = field(default_factory=dict)  # messages by what was done to them
+    ended_at: float | None = None  # time.monotonic() of the robot's word that it is over [s]
+
+
+@dataclass(frozen=True)
 class Outcome:
-    """One script as it went.
+    """A run as it is judged."""
 
-    Attributes:
-        name: of the script.
-        seed: of the run.
-        faults: that happened.
-        end: how the run ended.
-        plans: made.
-        commands: joint targets sent.
-        slowest_s: longest wall time from a fault's end, and that of all that overlap it, to the
-            next good plan; None without any.
-        rate_hz: plans per second of wall time, while the robot's clock ran.
-        rollouts: median per plan.
-        growths: of the services that lived long enough.
-        mangled: messages by what was done to them.
-        failures: what was not as it must be; empty if all was.
-        undisturbed: how the same run ended without faults, if this one fell; else "".
-    """
-
-    name: str
+    name: str  # of the script
     seed: int
-    faults: int
+    faults: int  # that happened
     end: str
-    plans: int
-    commands: int
-    slowest_s: float | None
-    rate_hz: float
-    rollouts: float
     growths: tuple[Growth, ...]
-    mangled: dict[str, int]
-    failures: tuple[str, ...]
-    undisturbed: str = ""
+    mangled: dict[str, int]  # messages by what was done to them
+    failures: tuple[str, ...]  # what was not as it must be
+    plans: int = 0
+    commands: int = 0  # joint targets sent
+    slowest_s: float | None = None  # longest of the faults' `resume_delay`
+    rate_hz: float = 0.0  # plans per second of wall time, while the robot's clock ran
+    rollouts: float = 0.0  # median per plan
+    undisturbed: str = ""  # how the same run ended without faults, if this one fell
 
 
-def judge(
-    script: Script,
-    blows: "Sequence[Blow]",
-    code: int | None,
-    out: Path,
-    growths: tuple[Growth, ...],
-    mangled: dict[str, int],
-    until: float | None,
-    undisturbed: Callable[[], str],
-) -> Outcome:
+def judge(record: RunRecord, undisturbed: Callable[[], str]) -> Outcome:
     """Compare a run with what it must be like.
 
     Args:
-        script: that was played.
-        blows: its faults as they happened.
-        code: the robot's exit code, None if it hangs.
-        out: the run's folder.
-        growths, mangled: see Outcome.
-        until: time.monotonic() at which the run ended, None if nobody heard of it.
+        record: the run.
         undisturbed: plays the same run without faults and returns how it ended.
     """
-    nothing = (0, 0, None, 0.0, 0.0, growths, mangled)
-    if code is None:
-        return Outcome(script.name, script.seed, len(blows), "it hangs", *nothing, ("it hangs",))
-    failures = []
-    if crash := crashed((out / "messages.txt").read_text(errors="replace")):
+    if record.exit_code is None:
+        return _outcome(record, "it hangs", ["it hangs"])
+    failures, script = [], record.script
+    if crash := crashed((record.folder / "messages.txt").read_text(errors="replace")):
         failures.append(f"a service crashed: {crash}")
     try:
-        summary, recording = read_summary(out), Recording.load(out / "run.npz")
+        summary = read_summary(record.folder)
+        recording = Recording.load(record.folder / "run.npz")
     except SumoError as error:
-        failures.append(str(error))
-        return Outcome(
-            *(script.name, script.seed, len(blows), f"exit code {code}", *nothing), tuple(failures)
-        )
+        return _outcome(record, f"exit code {record.exit_code}", [*failures, str(error)])
     end = summary["end_reason"]
     fell = end == "fell" and script.clock == "realtime"
-    alone = undisturbed() if fell and script.faults else ""
-    failures += _other_end(script, end, alone, len(blows))
+    without_faults = undisturbed() if fell and script.faults else ""
+    failures += _wrong_end(record, end, without_faults)
     failures += unsafe(recording.targets, load_task(script.task).scene.robot)
-    sat = end.startswith((*FAULTS, "fell"))  # and asked for no plans from then on
-    waits = [(blow, waited(blow, blows, None if sat else until)) for blow in blows]
-    failures += _late(script, waits) + _grown(growths)
+    sat_down = end.startswith((*FAULTS, "fell"))  # and asked for no plans from then on
+    until = None if sat_down else record.ended_at
+    delays = [(o, resume_delay(o, record.occurrences, until)) for o in record.occurrences]
+    failures += _late(script, delays) + _grown(record.growths)
     if script.clock == "lockstep":
         failures += _other_bits(script, summary)
-    return Outcome(
-        *(script.name, script.seed, len(blows), end, summary["plans"], len(recording.targets)),
-        *(_longest(waits), _rate(summary), summary["rollouts_per_plan_p50"] or 0.0),
-        *(growths, mangled, tuple(failures), alone),
+    resumed = (delay for o, delay in delays if delay is not None and o.resumed is not None)
+    return _outcome(
+        record,
+        end,
+        failures,
+        plans=summary["plans"],
+        commands=len(recording.targets),
+        slowest_s=max(resumed, default=None),
+        rate_hz=_rate(summary),
+        rollouts=summary["rollouts_per_plan_p50"] or 0.0,
+        undisturbed=without_faults,
     )
 
 
-def _other_end(script: Script, end: str, alone: str, happened: int) -> list[str]:
-    """Say what is wrong with how a run ended; `alone` is how it ended without faults, if known."""
-    if alone == end:
+def _outcome(record: RunRecord, end: str, failures: Sequence[str], **found: Any) -> Outcome:
+    about = record.script.name, record.script.seed, len(record.occurrences)
+    return Outcome(*about, end, tuple(record.growths), record.tampered, tuple(failures), **found)
+
+
+def _wrong_end(record: RunRecord, end: str, without_faults: str) -> list[str]:
+    """Say what is wrong with how a run ended."""
+    if without_faults == end:
         return []
-    wrong = []
-    if not end.startswith(script.ends):
-        wrong.append(f"it ended: {end}" + (f"; without faults: {alone}" if alone else ""))
-    if happened < script.count:
-        wrong.append(f"{happened} of {script.count} faults happened before it ended")
+    wrong, happened, planned = [], len(record.occurrences), record.script.count
+    if not end.startswith(record.script.ends):
+        compared = f"; without faults: {without_faults}" if without_faults else ""
+        wrong.append(f"it ended: {end}{compared}")
+    if happened < planned:
+        wrong.append(f"{happened} of {planned} faults happened before it ended")
     return wrong
 
 
@@ -141,38 +134,24 @@ def unsafe(targets: "Sequence[np.ndarray]", robot: Robot) -> list[str]:
     wrong = []
     if not np.isfinite(sent).all():
         wrong.append("a command that is not finite was sent")
-    for name, limits, sign in (
-        ("above", safety.target_upper, 1.0),
-        ("below", safety.target_lower, -1.0),
-    ):
-        if limits and (sign * (sent - np.array(limits)) > _EXACT).any():
-            wrong.append(f"a command {name} its limit was sent")
+    if safety.target_upper and (sent > np.array(safety.target_upper) + _EXACT).any():
+        wrong.append("a command above its limit was sent")
+    if safety.target_lower and (sent < np.array(safety.target_lower) - _EXACT).any():
+        wrong.append("a command below its limit was sent")
     if safety.target_rate:
-        step = np.abs(np.diff(sent, axis=0))
-        if (step > np.array(safety.target_rate) * TICK + _EXACT).any():
+        steps = np.abs(np.diff(sent, axis=0))
+        if (steps > np.array(safety.target_rate) * TICK + _EXACT).any():
             wrong.append("a command beyond its rate was sent")
     return wrong
 
 
-def _longest(waits: Sequence[tuple[Blow, float | None]]) -> float | None:
-    """Return the longest wait of a fault after which planning resumed [s]; None without any."""
-    seen = (wait for blow, wait in waits if wait is not None and blow.resumed is not None)
-    return max(seen, default=None)
-
-
-def _rate(summary: dict[str, Any]) -> float:
-    """Plans per second of wall time."""
-    seconds = summary["robot_time_s"] / (summary["real_time_factor"] or np.inf)
-    return round(summary["plans"] / seconds, 2) if seconds else 0.0
-
-
-def counted(growths: "Sequence[Growth]") -> "list[Growth]":
+def counted(growths: Sequence[Growth]) -> list[Growth]:
     """Leave out the tracer, which loads Rerun late and keeps what it shows."""
     return [growth for growth in growths if growth.service != "tracer"]
 
 
-def _grown(growths: "Sequence[Growth]") -> list[str]:
-    """Services that keep on growing."""
+def _grown(growths: Sequence[Growth]) -> list[str]:
+    """Say which services keep on growing."""
     grown = []
     for growth in counted(growths):
         mb, files = growth.mb[1] - growth.mb[0], growth.files[1] - growth.files[0]
@@ -183,35 +162,37 @@ def _grown(growths: "Sequence[Growth]") -> list[str]:
     return grown
 
 
-def _late(script: Script, waits: Sequence[tuple[Blow, float | None]]) -> list[str]:
-    """Faults after whose end planning did not resume in time, unless the run ended before."""
+def _late(script: Script, delays: Sequence[tuple[FaultOccurrence, float | None]]) -> list[str]:
+    """Say after which faults planning did not resume in time, unless the run ended before."""
     late = []
-    for blow, wait in waits:
-        if wait is None or wait <= script.resumes:
-            continue  # in time, or the run ended first: how it ended is judged
-        how = f"planning resumed {wait:.2f} s" if blow.resumed else f"no plan for {wait:.2f} s"
-        late.append(f"{how} after {blow.fault.kind} {blow.fault.target}".rstrip())
+    for occurrence, delay in delays:
+        if delay is not None and delay > script.resumes:
+            resumed = occurrence.resumed is not None
+            how = f"planning resumed {delay:.2f} s" if resumed else f"no plan for {delay:.2f} s"
+            late.append(f"{how} after {occurrence.fault.kind} {occurrence.fault.target}".rstrip())
     return late
 
 
-def episode_of(script: Script) -> EpisodeConfig:
-    """Return the run of a script."""
-    return EpisodeConfig(
-        script.task,
-        script.seed,
-        PlannerConfig().with_settings(script.settings),
-        script.clock,
-        script.estimator,
-        script.time_limit,
-    )
+def _rate(summary: dict[str, Any]) -> float:
+    """Plans per second of wall time."""
+    seconds = summary["robot_time_s"] / (summary["real_time_factor"] or np.inf)
+    return round(summary["plans"] / seconds, 2) if seconds else 0.0
 
 
 def _other_bits(script: Script, summary: dict[str, Any]) -> list[str]:
-    """A lockstep run must have the bits that one process makes of it undisturbed."""
+    """A lockstep run must have the bits of the undisturbed run in one process."""
     recording, ending = run_single(episode_of(script), threads=1)
-    if ending.reason == "interrupted":  # half a run has other digests, and says nothing
+    if ending.reason == "interrupted":  # half a run has other digests, which prove nothing
         raise KeyboardInterrupt
     expected = recording.plan_digest, recording.state_digest
     if (summary["plan_digest"], summary["state_digest"]) != expected:
         return ["its digests differ from those of the undisturbed run"]
     return []
+
+
+def episode_of(script: Script) -> EpisodeConfig:
+    """Return the run of a script."""
+    planner = PlannerConfig().with_settings(script.settings)
+    return EpisodeConfig(
+        *(script.task, script.seed, planner, script.clock, script.estimator, script.time_limit)
+    )

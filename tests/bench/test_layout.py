@@ -1,6 +1,8 @@
+import json
+
 import pytest
 
-from sumo_dist.bench import engine, layout
+from sumo_dist.bench import layout
 from sumo_dist.bench.results.stats import wilson
 from sumo_dist.errors import UsageError
 
@@ -26,7 +28,31 @@ def test_markdown_aligns_its_columns():
 
 
 def test_the_fallback_is_benched_only_by_name(monkeypatch):
-    monkeypatch.setattr(engine, "engine_identity", lambda _kind: ("fallback", "build"))
-    assert engine.checked_engine("fallback") == ("fallback", "build")
+    monkeypatch.setattr(layout, "engine_identity", lambda _kind: ("fallback", "build"))
+    assert layout.checked_engine("fallback") == ("fallback", "build")
     with pytest.raises(UsageError, match="--engine fallback"):
-        engine.checked_engine("auto")
+        layout.checked_engine("auto")
+
+
+def test_a_table_has_a_column_for_each_format():
+    rows = [{"a": 1.25, "b": [2, 3]}, {"a": 10.0, "b": [4, 5]}]
+    assert layout.table({"a [ms]": "{a:.1f}", "b": "{b[0]} to {b[1]}"}, rows) == (
+        "| a [ms] | b      |\n| ------ | ------ |\n| 1.2    | 2 to 3 |\n| 10.0   | 4 to 5 |"
+    )
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_a_result_is_told_with_its_machine(as_json, capsys):
+    result = layout.run_bench("bench x", as_json, lambda: {"n": 3}, lambda r: [f"n is {r['n']}"])
+    told = capsys.readouterr().out
+    assert result["n"] == 3 and result["machine"]
+    if as_json:
+        assert json.loads(told) == result
+    else:
+        assert told.startswith("# sumo-dist bench x\n") and told.endswith("\n\nn is 3\n")
+
+
+def test_an_option_that_is_too_small_is_named():
+    layout.check_at_least(1, trials=1, jobs=None)
+    with pytest.raises(UsageError, match="jobs must be at least 1, got 0"):
+        layout.check_at_least(1, trials=1, jobs=0)

@@ -8,12 +8,11 @@ import pytest
 
 from sumo_dist.commands.chaos import text
 from sumo_dist.faults.growth import Growth
-from sumo_dist.faults.occurrence import Blow
+from sumo_dist.faults.occurrence import FaultOccurrence
 from sumo_dist.faults.run import episode_of
 from sumo_dist.faults.script import Fault, Script
-from sumo_dist.faults.verdict import counted, judge
+from sumo_dist.faults.verdict import RunRecord, counted, judge
 from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.provenance import timing_provenance
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks import load_task
@@ -41,7 +40,7 @@ def recording():
 def judged(recording, tmp_path):
     """Return a function that judges a run which ended somehow."""
 
-    def judged(end, blows, script=SCRIPT, without=None, until=20.0):
+    def judged(end, occurrences, script=SCRIPT, without=None, until=20.0):
         (tmp_path / "messages.txt").write_text("")
         (tmp_path / "summary.json").write_text(json.dumps(SUMMARY | {"end_reason": end}))
         recording.save(tmp_path / "run.npz")
@@ -50,13 +49,14 @@ def judged(recording, tmp_path):
             assert without is not None, "it was played for nothing"
             return without
 
-        return judge(script, blows, 1, tmp_path, (), {}, until, undisturbed)
+        record = RunRecord(script, tmp_path, 1, occurrences, ended_at=until)
+        return judge(record, undisturbed)
 
     return judged
 
 
-def blow(ended, resumed):
-    return Blow(SCRIPT.faults[0], 1.0, ended, resumed)
+def occurrence(ended, resumed):
+    return FaultOccurrence(SCRIPT.faults[0], 1.0, ended, resumed)
 
 
 def test_a_fall_counts_only_if_the_run_without_faults_does_not_fall(judged):
@@ -70,26 +70,26 @@ def test_a_fall_counts_only_if_the_run_without_faults_does_not_fall(judged):
 
 
 def test_other_ends_need_no_second_run(judged):
-    assert judged("timeout", [blow(2.0, 2.5)]).failures == ()
-    assert judged("stopped by me", [blow(2.0, 2.5)]).failures == ("it ended: stopped by me",)
+    assert judged("timeout", [occurrence(2.0, 2.5)]).failures == ()
+    assert judged("stopped by me", [occurrence(2.0, 2.5)]).failures == ("it ended: stopped by me",)
     assert judged("fell", [], replace(SCRIPT, faults=())).failures == ("it ended: fell",)
 
 
 def test_planning_must_resume_in_time(judged):
-    late = judged("timeout", [blow(2.0, 4.0)])
+    late = judged("timeout", [occurrence(2.0, 4.0)])
     assert late.failures == ("planning resumed 2.00 s after kill local-0",)
     assert late.slowest_s == 2.0
 
 
 def test_planning_that_never_resumes_is_late_unless_the_robot_sat_down(judged):
-    never = blow(2.0, None)
+    never = occurrence(2.0, None)
     assert judged("timeout", [never]).failures == ("no plan for 18.00 s after kill local-0",)
     blind = "fault: no state for 0.1 s, the robot sat down"
     assert judged(blind, [never], replace(SCRIPT, ends=(blind,))).failures == ()
 
 
 def test_a_fall_that_is_not_the_faults_is_told_without_being_a_failure(judged):
-    said = text(timing_provenance(), [judged("fell", [], without="fell")])
+    said = "\n".join(text([judged("fell", [], without="fell")]))
     assert "0 runs not as they must be" in said
     assert "- script seed 1: it fell, as it does without faults" in said
 

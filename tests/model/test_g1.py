@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sumo_dist.bench.measure.feet import full_feet
-from sumo_dist.model.scene import ASSETS, PLANT, Scene, compile_model
+from sumo_dist.model.scene import ASSETS
 from sumo_dist.robots.g1 import G1
 
 # joint: range [rad], armature [kg m^2], torque [Nm], of the left side
@@ -107,14 +106,3 @@ def test_palms_are_at_the_hands(standing):
     np.testing.assert_allclose(left, right * [1, -1, 1], atol=1e-4)
     assert left[0] > 0.15
     assert left[1] > 0.15
-
-
-def test_full_feet_are_those_of_training(tmp_path):
-    robot = full_feet(G1, tmp_path)
-    model = compile_model(Scene(robot), PLANT)
-    feet = [model.geom(f"left_foot{i}_collision") for i in range(1, 8)]
-    lengths = [float(geom.size[1]) for geom in feet]
-    np.testing.assert_allclose(
-        lengths, [0.025, 0.0835, 0.091, 0.093, 0.091, 0.0835, 0.025], atol=1e-6
-    )
-    assert model.body_mass.sum() == pytest.approx(33.341142)

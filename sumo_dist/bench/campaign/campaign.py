@@ -2,8 +2,8 @@
 
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,9 +11,9 @@ from typing import Annotated
 import tyro
 
 from sumo_dist.bench.campaign.job import Job, Row, common_settings, place, run_trial, task_settings
-from sumo_dist.bench.campaign.processes import Pool, Processes, run_each
-from sumo_dist.bench.campaign.remote import remote_pool
-from sumo_dist.bench.layout import say
+from sumo_dist.bench.campaign.processes import processes
+from sumo_dist.bench.campaign.remote import remote_workers
+from sumo_dist.bench.layout import check_at_least, say
 from sumo_dist.bench.results.journal import Journal, Trial
 from sumo_dist.bench.results.outcomes import recording_folder
 from sumo_dist.episode.config import EpisodeConfig
@@ -55,10 +55,8 @@ class Settings:
     estimator: str = "truth"
 
     def __post_init__(self) -> None:
-        for name, least in (("trials", 1), ("jobs", 1 if self.listen is None else 0)):
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise UsageError(f"{name} must be at least {least}, got {value}")
+        check_at_least(1, trials=self.trials)
+        check_at_least(1 if self.listen is None else 0, jobs=self.jobs)
         if self.listen is not None:
             checked_endpoint(self.listen)
 
@@ -67,14 +65,12 @@ class Settings:
         """The seeds of every task."""
         return range(self.seed0, self.seed0 + self.trials)
 
-    def planner(self) -> PlannerConfig:
-        """Return the planner's settings, checked."""
-        return PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
-
     def episode(self, task: str, seed: int) -> EpisodeConfig:
         """Return what decides a trial, checked."""
         return EpisodeConfig(
-            *(task, seed, self.planner()),
+            task,
+            seed,
+            PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set),
             estimator=self.estimator,
             time_limit=self.time_limit,
             engine=self.engine,
@@ -122,7 +118,7 @@ class Campaign:
         ]
         if done := len(self.trials) - len(todo):
             say(f"{self._journal.path} has {done} of {len(self.trials)} trials, {len(todo)} to go")
-        for job, row in self._each(todo):
+        for job, row in self._run_each(todo):
             self._journal.append(row)
             say(f"{place(job)}: {_ending(row)}")
 
@@ -137,7 +133,7 @@ class Campaign:
             for trial in trials
             if not ((folder := recording_folder(recordings, trial)) / "run.npz").exists()
         ]
-        for job, _ in self._each(todo):
+        for job, _ in self._run_each(todo):
             say(f"{place(job)}: recorded in {job.folder}")
 
     def rows(self) -> list[Row]:
@@ -151,11 +147,17 @@ class Campaign:
         settings = {**trial._asdict(), **self._settings(trial), **self._about}
         return Job(trial, self._episodes[trial], settings, folder, digest)
 
-    def _each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
+    def _run_each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
+        """Yield jobs with their rows; recordings are made here, where their folder is."""
+        remote = self._listen is not None and todo and not any(job.folder for job in todo)
         began, died = time.monotonic(), 0
         with ExitStack() as stack:
-            pools = [stack.enter_context(pool) for pool in self._pools(todo)]
-            for number, (job, row) in enumerate(run_each(todo, pools), 1):
+            jobs = self._jobs if remote else max(1, self._jobs)
+            runners = stack.enter_context(processes(run_trial, jobs))
+            if remote and self._listen is not None:
+                build = self._common["engine_build"]
+                stack.enter_context(remote_workers(self._listen, build, runners, say))
+            for number, (job, row) in enumerate(runners.run_each(todo), 1):
                 left = (time.monotonic() - began) / number * (len(todo) - number)
                 sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
                 if row is None:
@@ -168,13 +170,13 @@ class Campaign:
                 f"the processes of {died} trials died (out of memory?); run again to repeat them"
             )
 
-    def _pools(self, todo: Sequence[Job]) -> Iterator[AbstractContextManager[Pool[Job]]]:
-        """Yield what runs the trials; recordings are made here, where their folder is."""
-        if self._listen is None or not todo or any(job.folder for job in todo):
-            yield Processes(run_trial, max(1, self._jobs))
-            return
-        yield Processes(run_trial, self._jobs)
-        yield remote_pool(self._listen, self._common["engine_build"], say)
+
+def make_folder(out: Path) -> None:
+    """Make the folder of a campaign."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to {out}: {error.strerror}") from None
 
 
 def _ending(row: Row) -> str:

@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.campaign.standing import run_standing
-from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.referee import Referee
-from sumo_dist.episode.single import run_single
+from sumo_dist.episode.single import run_planned, run_single
 from sumo_dist.episode.summary import summarise, write_summary
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.planner.report import PlanReport
 from sumo_dist.provenance import provenance
 from sumo_dist.record.recording import Recording
+from sumo_dist.rollout import engine_identity
 from sumo_dist.tasks import load_task
 
 Row = dict[str, Any]
@@ -43,13 +48,17 @@ class Job:
     digest: str | None = None
 
 
-def run_alone(variant: str, episode: EpisodeConfig) -> Row:
-    """Run a trial without a campaign around it, and return its row."""
+def run_alone(question: tuple[str, Mapping[str, Any], Mapping[str, Any]]) -> Row:
+    """Run a trial without a campaign around it: its variant, fields of episode and planner."""
+    variant, fields, planner = question
+    try:
+        episode = EpisodeConfig(planner=PlannerConfig.from_settings(planner), **fields)
+    except TypeError as error:
+        raise UsageError(f"an episode of another version: {error}") from None
     trial = Trial(episode.task, episode.seed, variant)
     settings = {**common_settings(episode), **task_settings(episode)}
-    return run_trial(
-        Job(trial, episode, {**trial._asdict(), **settings, "provenance": provenance()})
-    )
+    about = {**trial._asdict(), **settings, "provenance": provenance()}
+    return run_trial(Job(trial, episode, about))
 
 
 def run_trial(job: Job) -> Row:
@@ -70,6 +79,22 @@ def run_trial(job: Job) -> Row:
         write_summary(row, job.folder)
         recording.save(job.folder / "run.npz")
     return row
+
+
+def run_standing(config: EpisodeConfig) -> tuple[Recording, Ending]:
+    """Run the control: nobody plans and the robot stands, so what succeeds does so by itself."""
+    problem = Problem.build(load_task(config.task), planning_options(config.planner))
+    actions = problem.task.actions
+    knots = actions.unit(actions.default)[None].astype(np.float32)  # (1, n)
+
+    def stand(request: PlanRequest) -> PlanReport:
+        plan = Plan(request.number, request.tick, knots, config.planner.horizon, "zero")
+        nothing = np.zeros(0)
+        return PlanReport(plan, nothing, nothing.astype(bool), nothing, plan_ms=0.0, own_ms=0.0)
+
+    engine, _ = engine_identity(config.engine)
+    recording = Recording({**config.describe(problem, engine), "optimizer": "stand"})
+    return recording, run_planned(config, problem, stand, recording)
 
 
 def outcome(episode: EpisodeConfig, recording: Recording) -> Row:

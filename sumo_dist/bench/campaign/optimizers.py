@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import tyro
 
-from sumo_dist.bench.campaign.campaign import Campaign, Settings
+from sumo_dist.bench.campaign.campaign import Campaign, Settings, make_folder
 from sumo_dist.bench.layout import markdown, say
 from sumo_dist.bench.results.journal import Trial
 from sumo_dist.bench.results.outcomes import CELLS, Count, Row, count_tasks
@@ -17,15 +17,10 @@ from sumo_dist.tasks import load_task
 
 
 class Cell(NamedTuple):
-    """What is compared: an optimizer, with the settings that suit it, at a budget.
-
-    Attributes:
-        optimizer: its name.
-        budget: rollouts a plan.
-    """
+    """What is compared: an optimizer, with the settings that suit it, at a budget."""
 
     optimizer: str
-    budget: int
+    budget: int  # rollouts a plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +70,7 @@ def main(options: Options) -> int:
     """Run what the folder lacks and print the table; 3 if a trial's process died."""
     tasks = dict.fromkeys(load_task(name).source for name in options.tasks.split(","))
     trials = [Trial(task, seed) for task in tasks for seed in options.seeds]
-    _make_folder(options.out)
+    make_folder(options.out)
     campaigns = {
         cell: Campaign(
             options.of(cell), trials, options.out / f"{cell.optimizer}-{cell.budget}.jsonl"
@@ -103,10 +98,3 @@ def _lines(cell: Cell, rows: Sequence[Row]) -> list[tuple[str, ...]]:
         (cell.optimizer, str(cell.budget), count.task, *count.cells(), count.ended_by())
         for count in counts
     ]
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot write to {out}: {error.strerror}") from None

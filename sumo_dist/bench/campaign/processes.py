@@ -1,4 +1,4 @@
-"""Independent jobs on whatever takes them: processes of this machine, workers of others."""
+"""Independent jobs on whatever takes them: processes of this machine, workers on others."""
 
 import multiprocessing
 import os
@@ -6,138 +6,132 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing import connection
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
-from typing import Any, Generic, Protocol, TypeVar
+from queue import SimpleQueue
+from typing import Any, Generic, TypeVar
 
 from sumo_dist.errors import SumoError
 
 J = TypeVar("J")
-R = TypeVar("R")
-J_in = TypeVar("J_in", contravariant=True)
-
-POLL_S = 0.5  # how often pools look for what they are not woken by
 
 
-class Again(Exception):
-    """A job was lost by no fault of its own: give it to somebody else."""
+class JobLost(Exception):
+    """A job was lost by no fault of its own: give it to another runner, and this one no more."""
 
 
-class Pool(Protocol[J_in]):
-    """Takes some jobs at a time."""
+Runner = Callable[[J], Any]
+"""Runs one job at a time and returns its result, None if its process died.
 
-    @property
-    def free(self) -> int:
-        """How many more jobs it would take now."""
-        ...
-
-    def start(self, job: J_in) -> Connection:
-        """Take a job; the connection is ready when there is news of it."""
-        ...
-
-    def result(self, ours: Connection) -> Any:
-        """Return the result of a job whose connection is ready; None if its process died.
-
-        Raises:
-            Again: the job is to be started anew.
-            SumoError: that of the job.
-        """
-        ...
-
-    def tend(self) -> None:
-        """Do what has to be done from time to time while jobs run."""
-        ...
+It may raise JobLost, and the SumoError of the job.
+"""
 
 
-def run_each(jobs: Sequence[J], pools: Sequence[Pool[J]]) -> Iterator[tuple[J, Any]]:
-    """Yield each job with its result as it ends; None where its process died.
+class Runners(Generic[J]):
+    """Those who run jobs; more may be added from any thread while jobs run."""
 
-    A SumoError of a job is raised here. The pools are the caller's to close, which ends what runs.
-    """
-    waiting = deque(jobs)
-    running: dict[Connection, tuple[J, Pool[J]]] = {}
-    while waiting or running:
-        for pool in pools:
-            pool.tend()
-            while waiting and pool.free > 0:
-                job = waiting.popleft()
-                running[pool.start(job)] = job, pool
-        ready = connection.wait(list(running), POLL_S)
-        for ours in [ours for ours in running if ours in ready]:
-            job, pool = running.pop(ours)
-            try:
-                result = pool.result(ours)
-            except Again:
+    def __init__(self) -> None:
+        """Start without any."""
+        self._free: list[Runner[J]] = []
+        self._news: SimpleQueue[tuple[Runner[J], J | None, Any]] = SimpleQueue()
+
+    def add(self, runner: Runner[J]) -> None:
+        """Let one more take jobs."""
+        self._news.put((runner, None, None))
+
+    def run_each(self, jobs: Sequence[J]) -> Iterator[tuple[J, Any]]:
+        """Yield each job with its result as it ends; a SumoError of a job is raised here."""
+        waiting, running = deque(jobs), 0
+        while waiting or running:
+            while waiting and self._free:
+                work = self._free.pop(), waiting.popleft()
+                threading.Thread(target=self._work, args=work, daemon=True).start()
+                running += 1
+            runner, job, result = self._news.get()
+            if job is None:
+                self._free.append(runner)
+                continue
+            running -= 1
+            if isinstance(result, JobLost):
                 waiting.appendleft(job)
-            else:
-                yield job, result
+                continue
+            if isinstance(result, Exception):
+                raise result
+            self._free.append(runner)
+            yield job, result
+
+    def _work(self, runner: Runner[J], job: J) -> None:
+        try:
+            result = runner(job)
+        except Exception as error:  # for the thread that called `run_each`
+            result = error
+        self._news.put((runner, job, result))
 
 
-class Processes(Generic[J, R]):
-    """Runs each job in a process of its own, which dies with this one."""
+@contextmanager
+def processes(function: Callable[[J], Any], limit: int) -> Iterator[Runners[J]]:
+    """Yield runners that give each job a process of its own, and end what still runs.
 
-    def __init__(self, function: Callable[[J], R], limit: int) -> None:
-        """Set up.
+    Args:
+        function: importable by name; so must be what a job is made of.
+        limit: processes at a time.
+    """
+    runners, started = Runners[J](), list[JobProcess]()
 
-        Args:
-            function: importable by name; so must be what a job is made of.
-            limit: processes at a time.
-        """
-        self._function = function
-        self._limit = limit
-        self._running: dict[Connection, BaseProcess] = {}
+    def run(job: J) -> Any:
+        with JobProcess(function, job) as process:
+            started.append(process)
+            return process.result()
 
-    @property
-    def free(self) -> int:
-        """How many more jobs it would take now."""
-        return self._limit - len(self._running)
+    for _ in range(limit):
+        runners.add(run)
+    try:
+        yield runners
+    finally:
+        for process in started:
+            process.end()
 
-    def start(self, job: J) -> Connection:
-        """Start a process for a job."""
-        context = multiprocessing.get_context("spawn")  # not forked: this process may have threads
-        ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_work, args=(self._function, job, theirs))
-        process.start()
+
+class JobProcess:
+    """A job in a process of its own, which dies with this one. A context manager that ends it."""
+
+    def __init__(self, function: Callable[[Any], Any], job: Any) -> None:
+        """Start it."""
+        context = multiprocessing.get_context("spawn")  # not forked: this process has threads
+        self._ours, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(target=_work, args=(function, job, theirs))
+        self._process.start()
         theirs.close()
-        self._running[ours] = process
-        return ours
 
-    def result(self, ours: Connection) -> R | None:
-        """Return what a process that is done has sent; None if it died."""
-        process = self._running.pop(ours)
-        with ours:
-            try:
-                result = ours.recv()
-            except EOFError:
-                result = None
-        process.join()
+    def wait(self, timeout: float) -> bool:
+        """Return whether it ends within a time [s]."""
+        return self._ours.poll(timeout)
+
+    def result(self) -> Any:
+        """Wait for the job's result; None if the process died, the SumoError of the job raises."""
+        try:
+            result = self._ours.recv()
+        except EOFError:
+            result = None
         if isinstance(result, SumoError):
             raise result
         return result
 
-    def tend(self) -> None:
-        """Do nothing: processes need no care."""
+    def end(self) -> None:
+        """End the process; nothing happens if it has ended."""
+        self._process.terminate()
+        self._process.join()
 
-    def end(self, ours: Connection) -> None:
-        """End a process that nobody waits for any more."""
-        process = self._running.pop(ours)
-        process.terminate()
-        process.join()
-        ours.close()
-
-    def __enter__(self) -> "Processes[J, R]":
+    def __enter__(self) -> "JobProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End what is running."""
-        for process in self._running.values():
-            process.terminate()
-        for ours in list(self._running):
-            self.end(ours)
+        self.end()
+        self._ours.close()
 
 
-def _work(function: Callable[[J], R], job: J, theirs: Connection) -> None:
+def _work(function: Callable[[Any], Any], job: Any, theirs: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_die_with_parent, daemon=True).start()

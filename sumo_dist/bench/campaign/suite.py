@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from sumo_dist.bench.campaign.campaign import Campaign, Settings
+from sumo_dist.bench.campaign.campaign import Campaign, Settings, make_folder
 from sumo_dist.bench.layout import say
 from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.bench.results.outcomes import JOURNAL, RECORDINGS, REQUEST, Results
@@ -56,7 +56,8 @@ def main(options: Options) -> int:
         for task in of_it
         if task in tasks
     ]
-    _make_folder(options.out, suite)
+    make_folder(options.out)
+    _check_same_suite(options.out, suite)
     campaign = Campaign(options, trials, options.out / JOURNAL)
     _write_request(options, suite, tasks)
     recordings = options.out / RECORDINGS
@@ -82,25 +83,16 @@ def command(options: Options) -> str:
     return shlex.join(words)
 
 
-def _make_folder(out: Path, suite: Suite) -> None:
-    """Make the folder, or see that it is one of the same suite."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot write to {out}: {error.strerror}") from None
+def _check_same_suite(out: Path, suite: Suite) -> None:
     request = out / REQUEST
     if request.exists() and (found := json.loads(request.read_text()).get("suite")) != suite.name:
         raise UsageError(f"{out} holds the suite {found}; name another folder")
 
 
 def _write_request(options: Options, suite: Suite, tasks: list[str]) -> None:
-    request = {
-        "suite": suite.name,
-        "command": command(options),
-        "tasks": tasks,
-        "trials": options.trials,
-        "seed0": options.seed0,
-    }
+    """Note what was asked for, for the report."""
+    request = {"suite": suite.name, "command": command(options), "tasks": tasks}
+    request |= {"trials": options.trials, "seed0": options.seed0}
     partial = options.out / f"{REQUEST}.part"
     partial.write_text(json.dumps(request, indent=2) + "\n", encoding="utf-8")
     partial.replace(options.out / REQUEST)

@@ -3,23 +3,18 @@
 import json
 import logging
 import threading
-from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from multiprocessing import connection
-from multiprocessing.connection import Connection
-from typing import Any
 
 from sumo_dist.bench.campaign.job import run_alone
-from sumo_dist.bench.campaign.processes import Processes
+from sumo_dist.bench.campaign.processes import JobProcess
 from sumo_dist.bench.campaign.remote import BENCH, ROLE
-from sumo_dist.bench.engine import checked_engine
-from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.launch.serve import service
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores
 from sumo_dist.services.worker import unique_name
-from sumo_dist.wire.bus import Bus, Newest
+from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import checked_name
 from sumo_dist.wire.messages import TrialReply, TrialRequest
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
@@ -61,83 +56,65 @@ def main(options: Options) -> int:
 def run(options: Options, stop: threading.Event) -> None:
     """Serve until told to stop; trials that are under way end with it."""
     _, build = checked_engine(options.engine)
-    with Bus.dial(options.connect, BENCH) as bus, Processes(play, options.jobs) as processes:
-        slots = [TrialSlot(f"{options.name}.{i}", bus, processes) for i in range(options.jobs)]
+    with Bus.dial(options.connect, BENCH) as bus, ThreadPoolExecutor(options.jobs) as threads:
+        slots = [TrialSlot(f"{options.name}.{i}", bus) for i in range(options.jobs)]
         for slot in slots:
             bus.announce(ROLE, slot.name, build)
-        while not stop.is_set():
-            for slot in slots:
-                slot.look()
-            busy = {slot.running: slot for slot in slots if slot.running is not None}
-            if not busy:
-                stop.wait(WAKE_S)
-            for ready in connection.wait(list(busy), WAKE_S):
-                busy[ready].finish()  # pyright: ignore[reportArgumentType]  # they are the keys
+        try:
+            for ended in as_completed([threads.submit(slot.serve, stop) for slot in slots]):
+                ended.result()
+        finally:
+            stop.set()
 
 
 class TrialSlot:
     """Takes one trial at a time, and answers again when it is asked again."""
 
-    def __init__(self, name: str, bus: Bus, processes: "Processes[Question, Row]") -> None:
+    def __init__(self, name: str, bus: Bus) -> None:
         """Listen for requests to a name."""
         self.name = name
-        self.running: Connection | None = None
         self._bus = bus
-        self._processes = processes
-        self._requests: Newest[TrialRequest] = bus.newest(TrialRequest, address=name)
-        self._request: TrialRequest | None = None
-        self._answer: TrialReply | None = None
+        self._requests = bus.newest(TrialRequest, address=name)
 
-    def look(self) -> None:
-        """Start what is newly asked for; a trial that nobody waits for any more is given up."""
-        request = self._requests.wait(0.0)
-        if request is None:
-            return
-        if self._request is not None and same(request, self._request):
-            if self._answer is not None:
-                self._bus.publish(self._answer)
-            return
-        if self.running is not None:
-            self._processes.end(self.running)
-        self._request, self._answer = request, None
-        log.info(
-            "%s: %s seed %s", self.name, request.episode.get("task"), request.episode.get("seed")
-        )
-        question = request.variant, request.episode, request.planner
-        self.running = self._processes.start(question)
+    def serve(self, stop: threading.Event) -> None:
+        """Run what is asked for, until told to stop."""
+        request: TrialRequest | None = None
+        answer: TrialReply | None = None
+        while not stop.is_set():
+            request = request or self._requests.wait(WAKE_S)
+            if request is None:
+                continue
+            if answer is None or not same(answer, request):
+                answer, newer = self._answer(request, stop)
+            else:
+                newer = None
+            if answer is not None:
+                self._bus.publish(answer)
+            request = newer
 
-    def finish(self) -> None:
-        """Answer with the row of the trial that has ended, or say why there is none."""
-        assert self.running is not None and self._request is not None, "something has ended"
-        running, self.running = self.running, None
-        row, refusal = "", ""
-        try:
-            found = self._processes.result(running)
-            row = json.dumps(found, allow_nan=False) if found else ""
-            refusal = "" if found else "the process of the trial died (out of memory?)"
-        except SumoError as error:
-            refusal = str(error)
+    def _answer(
+        self, request: TrialRequest, stop: threading.Event
+    ) -> tuple[TrialReply | None, TrialRequest | None]:
+        """Run a trial; give it up, without an answer, for another request or the order to stop."""
+        episode = request.episode
+        log.info("%s: %s seed %s", self.name, episode.get("task"), episode.get("seed"))
+        question = request.variant, episode, request.planner
+        with JobProcess(run_alone, question) as process:
+            while not process.wait(WAKE_S):
+                newer = self._requests.wait(0.0)
+                if stop.is_set() or (newer is not None and not same(newer, request)):
+                    return None, newer
+            try:
+                row = process.result()
+                refusal = "" if row else "the process of the trial died (out of memory?)"
+            except SumoError as error:
+                row, refusal = None, str(error)
+        if refusal:
             log.error("%s refused: %s", self.name, refusal)
-        asked = self._request
-        self._answer = TrialReply(asked.run, self.name, asked.number, row, refusal)
-        self._bus.publish(self._answer)
+        packed = json.dumps(row, allow_nan=False) if row else ""
+        return TrialReply(request.run, self.name, request.number, packed, refusal), None
 
 
-Row = Mapping[str, Any]
-Question = tuple[str, Mapping[str, Any], Mapping[str, Any]]
-"""Variant, fields of the episode, fields of its planner."""
-
-
-def play(question: Question) -> Row:
-    """Run a trial in this process."""
-    variant, episode, planner = question
-    try:
-        config = EpisodeConfig(planner=PlannerConfig.from_settings(planner), **episode)
-    except TypeError as error:
-        raise UsageError(f"an episode of another version: {error}") from None
-    return run_alone(variant, config)
-
-
-def same(one: TrialRequest, other: TrialRequest) -> bool:
-    """Whether two requests are the same question."""
+def same(one: TrialRequest | TrialReply, other: TrialRequest) -> bool:
+    """Whether two messages are about the same question."""
     return (one.run, one.number) == (other.run, other.number)

@@ -4,11 +4,10 @@ A realtime run at full speed is repeated with the services that the robot waits 
 at normal priority, in turn.
 """
 
-import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,83 +15,73 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.engine import checked_engine
-from sumo_dist.bench.layout import heading, markdown
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, say, table
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.priority import CHOICES, VARIABLE
-from sumo_dist.provenance import cores, timing_provenance
+from sumo_dist.provenance import cores
 
 START_S = 60.0  # for the services to come up
+COLUMNS = {
+    "priority": "{priority}",
+    "p50 [ms]": "{late_ms_p50:.1f}",
+    "p99 [ms]": "{late_ms_p99:.1f}",
+    "p99 of runs": "{late_ms_p99_range[0]:.1f} to {late_ms_p99_range[1]:.1f}",
+    "plans": "{plans}",
+    "missed": "{missed}",
+    "rollouts lost": "{rollouts_lost}",
+}
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(SeedOptions):
     """Options of `bench jitter`.
 
     Attributes:
-        json: print one JSON object.
-        task: what is done.
         trials: runs of each kind.
-        seed0: the first one's seed.
         seconds: of robot time, at most, in each run.
         workers: worker processes of one thread each; by default one for each core.
     """
 
-    json: bool = False
-    task: str = "spot/move_box"
     trials: int = 6
-    seed0: int = 1
     seconds: float = 8.0
     workers: int | None = None
 
     def __post_init__(self) -> None:
-        counts = (self.trials, 1 if self.workers is None else self.workers)
-        if min(counts) < 1 or not 0 < self.seconds <= 3600:
-            raise UsageError("trials and workers must be at least 1, seconds in (0, 3600]")
+        super().__post_init__()
+        check_at_least(1, workers=self.workers)
+        if not 0 < self.seconds <= 3600:
+            raise UsageError(f"seconds must be in (0, 3600], got {self.seconds}")
 
 
 def main(options: Options) -> int:
     """Run both kinds in turn, and print a table or one JSON object."""
-    engine, _ = checked_engine("auto")
-    about, workers = timing_provenance(), options.workers or cores()
-    found: dict[str, list[dict[str, Any]]] = {choice: [] for choice in CHOICES}
-    for seed in range(options.seed0, options.seed0 + options.trials):
+    run_bench("bench jitter", options.json, lambda: measure(options), text)
+    return 0
+
+
+def measure(options: Options) -> Result:
+    """Run every seed with each priority."""
+    about, workers = options.about(), options.workers or cores()
+    summaries: dict[str, list[dict[str, Any]]] = {choice: [] for choice in CHOICES}
+    for seed in options.seeds:
         for choice in CHOICES if seed % 2 else reversed(CHOICES):
             summary = run(options, workers, seed, choice)
-            found[choice].append(summary)
-            told = f"seed {seed}, {choice}: p99 {summary['command_late_ms_p99']:.1f} ms"
-            print(told, file=sys.stderr, flush=True)
-    result = {
-        **about,
-        "engine": engine,
-        "task": options.task,
-        "trials": options.trials,
-        "seed0": options.seed0,
-        "workers": workers,
-        "rows": [row(choice, summaries) for choice, summaries in found.items()],
-    }
-    print(json.dumps(result, indent=1) if options.json else text(result))
-    return 0
+            summaries[choice].append(summary)
+            say(f"seed {seed}, {choice}: p99 {summary['command_late_ms_p99']:.1f} ms")
+    rows = [row(choice, found) for choice, found in summaries.items()]
+    return {**about, "workers": workers, "rows": rows}
 
 
 def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any]:
     """Make one run in processes of its own and return its summary."""
     with TemporaryDirectory() as folder:
-        flags = {
-            "clock": "realtime",
-            "speed": 1,
-            "seed": seed,
-            "time-limit": options.seconds,
-            "workers": workers,
-            "viewer": "none",
-            "listen": "tcp/127.0.0.1:0",
-            "out": folder,
-        }
-        given = [f"--{name}={value}" for name, value in flags.items()]
+        given = {"seed": seed, "time-limit": options.seconds, "workers": workers, "out": folder}
+        given |= {"clock": "realtime", "speed": 1, "viewer": "none", "listen": "tcp/127.0.0.1:0"}
+        flags = [f"--{name}={value}" for name, value in given.items()]
         try:
             done = subprocess.run(
-                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *given],
+                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *flags],
                 env={**os.environ, VARIABLE: choice},
                 capture_output=True,
                 text=True,
@@ -109,7 +98,7 @@ def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any
 
 
 def row(choice: str, summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Put the runs of a kind together."""
+    """Return medians, ranges and sums over the runs of a kind."""
     late = {p: [s[f"command_late_ms_{p}"] for s in summaries] for p in ("p50", "p99")}
     return {
         "priority": choice,
@@ -121,27 +110,13 @@ def row(choice: str, summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def text(result: dict[str, Any]) -> str:
+def text(result: Result) -> Iterable[str]:
     """Lay out what was measured."""
-    heads = ("priority", "p50 [ms]", "p99 [ms]", "p99 of runs", "plans", "missed", "rollouts lost")
-    lines = [
-        (
-            row["priority"],
-            f"{row['late_ms_p50']:.1f}",
-            f"{row['late_ms_p99']:.1f}",
-            "{:.1f} to {:.1f}".format(*row["late_ms_p99_range"]),
-            *(str(row[name]) for name in ("plans", "missed", "rollouts_lost")),
-        )
-        for row in result["rows"]
-    ]
     last = result["seed0"] + result["trials"] - 1
-    return "\n\n".join(
-        (
-            heading("bench jitter", result),
-            f"{result['task']}, seeds {result['seed0']} to {last}, at the speed of the wall clock, "
-            f"{result['workers']} workers of one thread, {result['engine']}. From the instant a "
-            "tick of the policy is due to its joint command, through estimator and policy; medians "
-            "over runs, and the range of their p99.",
-            markdown(heads, lines),
-        )
+    yield (
+        f"{result['task']}, seeds {result['seed0']} to {last}, at the speed of the wall clock, "
+        f"{result['workers']} workers of one thread, {result['engine']}. From the instant a "
+        "tick of the policy is due to its joint command, through estimator and policy; medians "
+        "over runs, and the range of their p99."
     )
+    yield table(COLUMNS, result["rows"])

@@ -1,35 +1,40 @@
 """`sumo-dist bench messaging`: what Zenoh and the services add to a plan on one host."""
 
-import json
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from sumo_dist.bench.engine import checked_engine
-from sumo_dist.bench.layout import heading, markdown
-from sumo_dist.bench.measure.moment import Moment
+from sumo_dist.bench import layout
+from sumo_dist.bench.layout import Result, say
 from sumo_dist.bench.measure.planning import in_process, request
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.launch import serve
 from sumo_dist.launch.deployment import Crew, services
 from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.provenance import cores, timing_provenance
+from sumo_dist.provenance import cores
 from sumo_dist.wire.bus import Bus
 
 ANSWER_S = 60.0
 WARM_UP = 5
+ROWS = {  # of the table: what, and its target [ms]
+    "plan in one process": ("in_process_plan_ms", "-"),
+    "plan over Zenoh": ("services_plan_ms", "-"),
+    "added by messaging": ("added_ms", "p50 <= 5"),
+    "optimizer's own time": ("services_own_ms", "<= 3"),
+    "the same in one process": ("in_process_own_ms", "-"),
+}
 MakePlan = Callable[[PlanRequest], PlanReport]
 
 
@@ -50,40 +55,32 @@ class Options:
     workers: int | None = None
     engine: str = "auto"
 
+    def __post_init__(self) -> None:
+        layout.check_at_least(1, plans=self.plans, workers=self.workers)
+
 
 class Sample(NamedTuple):
-    """One plan as the robot sees it.
+    """One plan as the robot sees it."""
 
-    Attributes:
-        plan_ms: from the question to the answer [ms].
-        own_ms: the planner's own part: all but the rollouts and waiting for them [ms].
-    """
-
-    plan_ms: float
-    own_ms: float
+    plan_ms: float  # from the question to the answer
+    own_ms: float  # the planner's own part: all but the rollouts and waiting for them
 
 
 def main(options: Options) -> int:
     """Time both ways in turn, and print a table or one JSON object."""
-    if options.plans < 1:
-        raise UsageError(f"plans must be at least 1, got {options.plans}")
-    workers = cores() if options.workers is None else options.workers
-    if workers < 1:
-        raise UsageError(f"workers must be at least 1, got {workers}")
-    name, _ = checked_engine(options.engine)
-    about, moment = timing_provenance(), Moment.load()
-    episode = EpisodeConfig(moment.task, engine=options.engine)
-    with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
-        here, there = interleave(moment, local, remote, options.plans)
-    result = {
-        **about,
-        "engine": name,
-        "workers": workers,
-        "plans": options.plans,
-        **figures(here, there),
-    }
-    print(json.dumps(result, indent=1) if options.json else text(result))
+    layout.run_bench("bench messaging", options.json, lambda: measure(options), text)
     return 0
+
+
+def measure(options: Options) -> Result:
+    """Make plans in this process and over Zenoh."""
+    engine, _ = layout.checked_engine(options.engine)
+    workers, snapshot = options.workers or cores(), Snapshot.load()
+    episode = EpisodeConfig(snapshot.task, engine=options.engine)
+    with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
+        here, there = interleave(snapshot, local, remote, options.plans)
+    about = {"engine": engine, "workers": workers, "plans": options.plans}
+    return {**about, **figures(here, there)}
 
 
 @contextmanager
@@ -99,14 +96,14 @@ def over_zenoh(episode: EpisodeConfig, workers: int) -> Iterator[MakePlan]:
         run, robot_name = robot.options.run, robot.options.robot
         with Bus.dial(dialled(endpoint), robot_name, run=run) as bus:
             link = RobotLink(
-                bus, run, ANSWER_S, threading.Event(), lambda _, line: _say(line), lambda _: None
+                bus, run, ANSWER_S, threading.Event(), lambda _, line: say(line), lambda _: None
             )
             _await_workers(bus, workers)
             yield lambda request: link.ask_plan(_readings(request), request)
 
 
 def interleave(
-    moment: Moment, local: MakePlan, remote: MakePlan, plans: int
+    snapshot: Snapshot, local: MakePlan, remote: MakePlan, plans: int
 ) -> tuple[list[Sample], list[Sample]]:
     """Make each plan both ways, taking turns in going first; they must be the same plans."""
     here, there = [], []
@@ -115,52 +112,41 @@ def interleave(
         knots = []
         for make_plan, samples in ways if number % 2 else reversed(ways):
             began = time.perf_counter()
-            report = make_plan(request(moment, number))
+            report = make_plan(request(snapshot, number))
             samples.append(Sample((time.perf_counter() - began) * 1e3, report.own_ms))
             knots.append(report.plan.knots)
         if not np.array_equal(*knots):
             raise SumoError(f"plan {number} differs between this process and the services")
         if number % 50 == 0:
-            _say(f"{number} of {plans + WARM_UP} plans")
+            say(f"{number} of {plans + WARM_UP} plans")
     return here[WARM_UP:], there[WARM_UP:]
 
 
-def figures(here: list[Sample], there: list[Sample]) -> dict[str, float]:
+def figures(here: Sequence[Sample], there: Sequence[Sample]) -> dict[str, float]:
     """Percentiles of both ways, and what the second adds [ms]."""
     found = {}
-    for way, samples in (("in_process", here), ("services", there)):
-        for key, values in zip(Sample._fields, zip(*samples, strict=True), strict=True):
-            for percent in (50, 99):
-                found[f"{way}_{key}_p{percent}"] = round(float(np.percentile(values, percent)), 3)
     for percent in (50, 99):
-        added = found[f"services_plan_ms_p{percent}"] - found[f"in_process_plan_ms_p{percent}"]
-        found[f"added_ms_p{percent}"] = round(added, 3)
+        local, remote = (np.percentile(samples, percent, axis=0) for samples in (here, there))
+        added = remote[0] - local[0]
+        named = {"in_process_plan_ms": local[0], "in_process_own_ms": local[1]}
+        named |= {"services_plan_ms": remote[0], "services_own_ms": remote[1], "added_ms": added}
+        found |= {f"{name}_p{percent}": round(float(value), 3) for name, value in named.items()}
     return found
 
 
-def text(result: dict[str, Any]) -> str:
+def text(result: Result) -> Iterable[str]:
     """Lay out what was measured."""
-
-    def cells(key: str, target: str) -> tuple[str, ...]:
-        return (f"{result[f'{key}_p50']:.2f}", f"{result[f'{key}_p99']:.2f}", target)
-
-    rows = [
-        ("plan in one process", *cells("in_process_plan_ms", "-")),
-        ("plan over Zenoh", *cells("services_plan_ms", "-")),
-        ("added by messaging", *cells("added_ms", "p50 <= 5")),
-        ("optimizer's own time", *cells("services_own_ms", "<= 3")),
-        ("the same in one process", *cells("in_process_own_ms", "-")),
-    ]
-    return "\n\n".join(
-        (
-            heading("bench messaging", result),
-            f"{result['plans']} plans made both ways in turn, bit for bit the same: by "
-            f"{result['workers']} threads of one process, and by router, state estimator, "
-            f"optimizer and {result['workers']} workers of one thread; {result['engine']}. "
-            "Wall time as the robot sees it, in ms.",
-            markdown(("", "p50", "p99", "target"), rows),
-        )
+    yield (
+        f"{result['plans']} plans made both ways in turn, bit for bit the same: by "
+        f"{result['workers']} threads of one process, and by router, state estimator, "
+        f"optimizer and {result['workers']} workers of one thread; {result['engine']}. "
+        "Wall time as the robot sees it, in ms."
     )
+    rows = [
+        (what, f"{result[f'{name}_p50']:.2f}", f"{result[f'{name}_p99']:.2f}", target)
+        for what, (name, target) in ROWS.items()
+    ]
+    yield layout.markdown(("", "p50", "p99", "target"), rows)
 
 
 def _await_workers(bus: Bus, workers: int) -> None:
@@ -182,7 +168,3 @@ def _readings(request: PlanRequest) -> Readings:
         mocap_ms=np.empty(0, np.int64),
         mocap=np.empty((0, 1, 7)),
     )
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

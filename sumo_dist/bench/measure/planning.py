@@ -1,9 +1,9 @@
-"""Plans from one recorded moment, for timing them in this process and over Zenoh alike."""
+"""Plans from one recorded snapshot, for timing them in this process and over Zenoh alike."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sumo_dist.bench.measure.moment import Moment
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.local import LocalPlanning
 from sumo_dist.planner.evaluate import Evaluator
@@ -14,11 +14,11 @@ from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 
 
-def request(moment: Moment, number: int) -> PlanRequest:
-    """Ask for plan `number`, from 1 on: always from the moment's state, each with other noise."""
+def request(snapshot: Snapshot, number: int) -> PlanRequest:
+    """Ask for plan `number`, from 1 on: always from the snapshot's state, each with other noise."""
     before = number - 1
-    previous = Plan(before, anchor_tick(before), moment.knots, moment.horizon, moment.spline)
-    return PlanRequest(number, anchor_tick(number), moment.state, moment.memory, previous)
+    previous = Plan(before, anchor_tick(before), snapshot.knots, snapshot.horizon, snapshot.spline)
+    return PlanRequest(number, anchor_tick(number), snapshot.state, snapshot.memory, previous)
 
 
 @contextmanager

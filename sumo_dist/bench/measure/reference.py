@@ -1,63 +1,59 @@
-"""The rollout backend inside the judo-rai wheel, in an environment of its own, as a yardstick.
+"""The rollout backend inside the judo-rai wheel, as a yardstick, in an environment of its own.
 
 It is never imported here: it needs MuJoCo 3.6. A child process serves it, one round at a time.
+docs/results/bench_rollout.md says how the environment is made.
 """
 
 import json
-import platform
-import shutil
 import subprocess
-import sys
-from collections.abc import Callable
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.measure.moment import Moment
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Round
-from sumo_dist.errors import SumoError
-from sumo_dist.policies.fetch import cache_dir, policy_file
-from sumo_dist.policies.manifest import pinned_policy
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.policies.fetch import policy_file
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK
 
-WORKER = Path(__file__).with_name("reference_worker.py")
-PACKAGES = ("mujoco==3.6.0", "numpy>=2,<3")
+CHILD = Path(__file__).with_name("reference_child.py")
 TIMESTEP = 0.01  # the reference's, twice per policy step [s]
 ANSWER_S = 120.0  # a round that takes longer is lost
-INSTALL_S = 600.0
 
 
 class Reference:
     """The reference's backend in a child process. A context manager."""
 
-    def __init__(self, moment: Moment, commands: np.ndarray, tell: Callable[[str], None]) -> None:
-        """Start it for commands (B, T, nc), making its environment on first need."""
-        python = _environment(tell)
-        self._child = subprocess.Popen(
-            [str(python), "-P", str(WORKER)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # Ctrl-C is ours to handle
-        )
+    def __init__(self, python: Path, snapshot: Snapshot, commands: np.ndarray) -> None:
+        """Start it for commands (B, T, nc), by the interpreter of its environment."""
         setup = {
-            "package_root": str(WORKER.parents[2]),
-            "task": moment.task,
-            "policy": str(policy_file(load_task(moment.task).scene.robot.policy)),
+            "package_root": str(CHILD.parents[3]),
+            "task": snapshot.task,
+            "policy": str(policy_file(load_task(snapshot.task).scene.robot.policy)),
             "timestep": TIMESTEP,
             "substeps": round(TICK / TIMESTEP),
-            "state": moment.state.tolist(),
-            "memory": moment.memory.tolist(),
+            "state": snapshot.state.tolist(),
+            "memory": snapshot.memory.tolist(),
             "commands": commands.tolist(),
         }
-        self._say(json.dumps(setup))
+        try:
+            self._child = subprocess.Popen(
+                [str(python), "-P", str(CHILD)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                start_new_session=True,  # Ctrl-C is ours to handle
+            )
+        except OSError as error:
+            raise UsageError(f"no reference at {python}: {error.strerror}") from None
+        self._send(json.dumps(setup))
 
     def round(self, density: float) -> Round:
         """Roll out once at a fluid density [kg/m^3]."""
-        self._say(str(density))
+        self._send(str(density))
         assert self._child.stdout is not None
         if not connection.wait([self._child.stdout.fileno()], ANSWER_S):
             raise SumoError(f"the reference gave no answer in {ANSWER_S:g} s")
@@ -74,62 +70,10 @@ class Reference:
         self._child.kill()
         self._child.communicate()
 
-    def _say(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         assert self._child.stdin is not None
         try:
             self._child.stdin.write(line + "\n")
             self._child.stdin.flush()
         except BrokenPipeError:
             raise SumoError("the reference's process ended; see its messages above") from None
-
-
-def environment_folder() -> Path:
-    """Return where the reference's environment is made."""
-    wheel = pinned_policy("spot").wheel
-    return cache_dir().parent / f"bench-{wheel.name}-{wheel.version}"
-
-
-def _environment(tell: Callable[[str], None]) -> Path:
-    """Return the interpreter of the reference's environment; a stamp says that it is complete."""
-    wheel = pinned_policy("spot").wheel
-    folder = environment_folder()
-    python, stamp = folder / "bin" / "python", folder / "complete"
-    if stamp.exists():
-        return python
-    base = _interpreter(wheel.tag)
-    tell(f"making an environment for {wheel.requirement} and {PACKAGES[0]} in {folder}")
-    pip = (str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    _run(base, "-m", "venv", "--clear", str(folder))
-    _run(*pip, *PACKAGES)
-    requirement = folder / "requirements.txt"
-    requirement.write_text(f"{wheel.requirement} --hash=sha256:{wheel.sha256}\n", encoding="ascii")
-    _run(*pip, "--no-deps", "--only-binary=:all:", "--require-hashes", "-r", str(requirement))
-    stamp.touch()
-    return python
-
-
-def _interpreter(tag: str) -> str:
-    """Find the Python that the pinned wheel is for."""
-    version = f"3.{tag[3:5]}"  # cp311-... is for 3.11
-    if sys.platform != "linux" or not tag.endswith(f"_{platform.machine()}"):
-        raise SumoError(f"the reference is a wheel for {tag}: this machine cannot run it")
-    if f"{sys.version_info.major}.{sys.version_info.minor}" == version:
-        return sys.executable
-    found = shutil.which(f"python{version}")
-    if found is None:
-        raise SumoError(f"the reference needs Python {version}: there is no python{version} here")
-    return found
-
-
-def _run(*command: str) -> None:
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=INSTALL_S, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise SumoError(f"the reference's environment was not made in {INSTALL_S:g} s") from None
-    if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if not line.startswith("WARNING")]
-        raise SumoError(
-            "cannot make the reference's environment:\n    " + "\n    ".join(lines[-5:])
-        )

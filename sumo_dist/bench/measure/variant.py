@@ -6,23 +6,15 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from sumo_dist.rollout.interface import Engine
-
 T = TypeVar("T")
 
 
 class Variant(NamedTuple):
-    """What is rolled out how.
+    """What is rolled out how."""
 
-    Attributes:
-        engine: "engine", "physics only", "fallback", "reference" or "full feet".
-        density: of the fluid [kg/m^3].
-        timestep: of the physics [s].
-    """
-
-    engine: str
-    density: float
-    timestep: float
+    engine: str  # "engine", "physics only", "fallback" or "reference"
+    density: float  # of the fluid [kg/m^3]
+    timestep: float  # of the physics [s]
 
     def __str__(self) -> str:
         """Name it in a table."""
@@ -30,17 +22,11 @@ class Variant(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One timed call.
-
-    Attributes:
-        wall_ms: wall time [ms].
-        cpu_ms: processor time of all threads of the process [ms].
-        final: (B, nq + nv) states at the end of the rollouts; NaN where they diverged.
-    """
+    """One timed call."""
 
     wall_ms: float
-    cpu_ms: float
-    final: np.ndarray
+    cpu_ms: float  # of all threads of the process
+    final: np.ndarray  # (B, nq + nv) states at the end of the rollouts; NaN where they diverged
 
 
 def timed(call: Callable[[], T]) -> tuple[float, float, T]:
@@ -48,14 +34,8 @@ def timed(call: Callable[[], T]) -> tuple[float, float, T]:
     wall, cpu = time.perf_counter(), time.process_time()
     result = call()
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    _settle()
+    _wait_until_idle()
     return wall * 1e3, cpu * 1e3, result
-
-
-def one_round(engine: Engine, state: np.ndarray, memory: np.ndarray, commands: np.ndarray) -> Round:
-    """Time one call of an engine of this process."""
-    wall_ms, cpu_ms, rollouts = timed(lambda: engine.rollout(state, memory, commands))
-    return Round(wall_ms, cpu_ms, rollouts.states[:, -1])
 
 
 def interleave(
@@ -77,21 +57,18 @@ def interleave(
 
 def row(variant: Variant, rounds: Sequence[Round]) -> dict[str, Any]:
     """Median and minimum of a variant's rounds [ms]."""
-    wall, cpu = [r.wall_ms for r in rounds], [r.cpu_ms for r in rounds]
-    return {
-        **variant._asdict(),
-        "wall_ms_median": round(float(np.median(wall)), 2),
-        "wall_ms_min": round(min(wall), 2),
-        "cpu_ms_median": round(float(np.median(cpu)), 2),
-        "cpu_ms_min": round(min(cpu), 2),
-        "diverged": int((~np.isfinite(rounds[-1].final).all(axis=1)).sum()),
-    }
+    found = variant._asdict()
+    for clock in ("wall_ms", "cpu_ms"):
+        times = [getattr(each, clock) for each in rounds]
+        found[f"{clock}_median"] = round(float(np.median(times)), 2)
+        found[f"{clock}_min"] = round(min(times), 2)
+    return {**found, "diverged": int((~np.isfinite(rounds[-1].final).all(axis=1)).sum())}
 
 
-def _settle() -> None:
-    """Wait until this process is idle.
+def _wait_until_idle() -> None:
+    """Wait until the threads of this process are idle.
 
-    The threads of a BLAS spin on for 0.1 s after a call, which would be charged to the next one.
+    Those of a BLAS spin on for 0.1 s after a call, which would be charged to the next one.
     """
     busy = True
     while busy:

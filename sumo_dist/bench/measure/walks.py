@@ -1,17 +1,15 @@
-"""Walks of Spot with what its sensors read and what was true, to hold estimates against."""
+"""Walks of Spot on its estimated state, and how far the estimates are off, by channel."""
 
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from sumo_dist.bench.measure.channels import Errors, errors_of
 from sumo_dist.episode.assemble import draw_start, make_guard
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import LowPassConfig, LowPassEstimator
-from sumo_dist.estimate.readings import Readings
 from sumo_dist.math.rotations import conjugate, multiply, to_rotation_vector
 from sumo_dist.model.index import StateIndex
 from sumo_dist.plant.noise import PlantProfile
@@ -27,48 +25,49 @@ VELOCITIES = {"push": (0.5, 0.0, 0.0), "turn": (0.3, 0.0, 0.5)}  # vx, vy [m/s],
 BOX_AHEAD = {"push": 1.1, "turn": 10.0}  # distance of the box from the robot [m]
 
 
+class Errors(NamedTuple):
+    """Root mean square over time of each channel's error vector."""
+
+    base_mm: float
+    base_mrad: float
+    base_m_s: float
+    base_rad_s: float
+    joints_mrad: float
+    joints_rad_s: float
+    box_mm: float
+    box_mrad: float
+    box_m_s: float
+    box_rad_s: float
+
+
 @dataclass(frozen=True)
 class Walk:
     """One walk, tick by tick.
 
     Attributes:
         model: the plant's.
-        readings: T of them.
-        states: (T, nq + nv) what was true at the instants of the readings.
+        states: (T, nq + nv) what was true.
         estimates: (T, nq + nv) what the policy acted on.
         outliers: poses that the estimator left out.
         reason: "" if it walked to the end, else why not.
     """
 
     model: mujoco.MjModel
-    readings: list[Readings]
     states: np.ndarray
     estimates: np.ndarray
     outliers: int
     reason: str
 
-    def replay(self, estimate: Callable[[Readings], np.ndarray]) -> np.ndarray:
-        """(T, nq + nv) What another estimator makes of the readings; nan where it is blind."""
-        seen = np.full_like(self.states, np.nan)
-        for row, readings in zip(seen, self.readings, strict=True):
-            try:
-                row[:] = estimate(readings)
-            except SumoError:
-                continue
-        return seen
-
-    def errors(self, estimates: np.ndarray) -> Errors | None:
-        """Compare estimates (T, nq + nv) with the truth; None if the walk ended too early."""
+    def errors(self) -> Errors | None:
+        """Compare the estimates with the truth; None if the walk ended before it counts."""
         first = round(SETTLE_S / TICK)
-        known = np.isfinite(estimates[first:]).all(axis=1)
-        if not known.any():
+        if len(self.states) <= first:
             return None
-        counted = self.states[first:][known], estimates[first:][known]
-        return errors_of(StateIndex(self.model), *counted)
+        return errors_of(StateIndex(self.model), self.states[first:], self.estimates[first:])
 
 
 def walk(
-    motion: str, profile: PlantProfile, seed: int, seconds: float, config: LowPassConfig | None
+    motion: str, profile: PlantProfile, seed: int, seconds: float, config: LowPassConfig
 ) -> Walk:
     """Let the policy walk on the estimated state; it meets the box if the motion is a push.
 
@@ -77,58 +76,27 @@ def walk(
         profile: the plant's.
         seed: of what the profile leaves to chance.
         seconds: to walk.
-        config: the estimator's; with None the policy walks on the true state.
+        config: the estimator's.
     """
     task = load_task(TASK)
     plant = Plant(task.scene, _start(motion), "lowpass", profile, seed)
     guard, policy, nq = make_guard(task, plant), load_policy("spot"), plant.model.nq
-    estimate = LowPassEstimator(plant.model, config) if config else None
+    estimator = LowPassEstimator(plant.model, config)
     command, memory = np.array(SPOT.default_command), policy.initial_memory()
     command[:3] = VELOCITIES[motion]
-    read, states, estimates, reason = [], [], [], ""
+    states, estimates, reason = [], [], ""
     try:
         while plant.tick * TICK < seconds:
-            readings = plant.read()
-            seen = estimate(readings) if estimate else plant.state
-            read.append(readings)
+            estimate = estimator(plant.read())
             states.append(plant.state)
-            estimates.append(seen)
-            targets, memory = policy.step(seen[:nq], seen[nq:], command, memory)
+            estimates.append(estimate)
+            targets, memory = policy.step(estimate[:nq], estimate[nq:], command, memory)
             guard.send(targets)
             if plant.state[2] < SPOT.fall_height:
                 raise SumoError("fell")
     except SumoError as error:
         reason = str(error)
-    outliers = estimate.outliers if estimate else 0
-    return Walk(plant.model, read, np.array(states), np.array(estimates), outliers, reason)
-
-
-class Newest:
-    """What an estimate would be without a filter: the newest packets, held until the next come.
-
-    Velocities of bodies are differences of the last two frames.
-    """
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Read packets of a scene with Spot."""
-        index = StateIndex(model)
-        self._joints = np.concatenate(index.joints(SPOT.joints))
-        bodies = index.free_bodies
-        self._poses = np.array([np.r_[index.pose(body)] for body in bodies])
-        self._velocities = np.array([np.r_[index.velocity(body)] for body in bodies])
-        self._state = np.zeros(model.nq + model.nv)
-        self._frames: deque[tuple[int, np.ndarray]] = deque(maxlen=2)  # stamps [ms] and poses
-
-    def __call__(self, readings: Readings) -> np.ndarray:
-        """Return the state (nq + nv,) that the packets until now show; the first must be there."""
-        self._frames.extend(zip(readings.mocap_ms.tolist(), readings.mocap, strict=True))
-        (before, old), (stamp, new) = self._frames[0], self._frames[-1]
-        turned = to_rotation_vector(multiply(conjugate(old[:, 3:]), new[:, 3:]))
-        moved = np.concatenate([new[:, :3] - old[:, :3], turned], axis=1)
-        self._state[self._joints] = readings.encoders[-1]
-        self._state[self._poses] = new
-        self._state[self._velocities] = moved / max(stamp - before, 1) * 1000
-        return self._state.copy()
+    return Walk(plant.model, np.array(states), np.array(estimates), estimator.outliers, reason)
 
 
 def _start(motion: str) -> np.ndarray:
@@ -138,3 +106,40 @@ def _start(motion: str) -> np.ndarray:
     state[index.pose("body")][:2], state[index.pose("body")][3:] = 0.0, (1.0, 0.0, 0.0, 0.0)
     state[index.pose("box")][:2] = BOX_AHEAD[motion], 0.0
     return state
+
+
+def errors_of(index: StateIndex, states: np.ndarray, estimates: np.ndarray) -> Errors:
+    """Compare estimates (T, nq + nv) with the states they are of."""
+    positions, velocities = index.joints(SPOT.joints)
+    off = estimates - states
+    joints = _rms(off[:, positions]) * 1e3, _rms(off[:, velocities])
+    base, box = (_body_errors(index, body, states, estimates) for body in ("body", "box"))
+    return Errors._make([*base, *joints, *box])
+
+
+def mean_errors(errors: Sequence[Errors]) -> Errors:
+    """Root mean square over walks; nan if there are none."""
+    if not errors:
+        return Errors._make([np.nan] * len(Errors._fields))
+    return Errors._make(np.sqrt(np.square(np.array(errors)).mean(axis=0)).round(4).tolist())
+
+
+def title(channel: str) -> str:
+    """Head a column of errors, with its unit."""
+    what, _, unit = channel.partition("_")
+    return f"{what} [{unit.replace('_', '/')}]"
+
+
+def _body_errors(
+    index: StateIndex, body: str, states: np.ndarray, estimates: np.ndarray
+) -> list[float]:
+    """Errors of position [mm], attitude [mrad], velocity [m/s] and rotation [rad/s]."""
+    pose, velocity = index.pose(body), index.velocity(body)
+    true, seen = states[:, pose], estimates[:, pose]
+    turned = to_rotation_vector(multiply(conjugate(true[:, 3:]), seen[:, 3:]))
+    linear, angular = np.split(estimates[:, velocity] - states[:, velocity], 2, axis=1)
+    return [_rms(seen[:, :3] - true[:, :3]) * 1e3, _rms(turned) * 1e3, _rms(linear), _rms(angular)]
+
+
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=-1))))

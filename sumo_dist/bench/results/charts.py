@@ -1,171 +1,154 @@
-"""The report's charts, as SVG whose colours are the page's: see page.css."""
+"""The report's charts: SVG by Matplotlib, whose colours the page sets, for light and dark."""
 
-from collections.abc import Iterable, Sequence
-from html import escape
-from typing import NamedTuple
+import io
+from collections.abc import Sequence
+from typing import Any
 
-from sumo_dist.bench.results.outcomes import Count, Results, TaskResult
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sumo_dist.bench.results.outcomes import Count, Results
 from sumo_dist.bench.results.stats import wilson
 
-ROW = 30  # height of a task in a chart [px]
-NAMES = 128  # width of the tasks' names [px]
-WIDTH = 1060
-
-# Reason -> class of its colour; a task's own reasons take the others in turn.
-REASONS = {"success": "good", "timeout": "late", "fell": "fell", "fault": "fault"}
-OTHERS = ("other-a", "other-b", "other-c")
-
-
-class Axis(NamedTuple):
-    """A horizontal axis.
-
-    Attributes:
-        left, right: its ends [px].
-        limit: value at its right end; 0 at its left.
-        ticks: values that are labelled.
-        unit: written behind each.
-    """
-
-    left: float
-    right: float
-    limit: float
-    ticks: Sequence[float]
-    unit: str = ""
-
-    def at(self, value: float) -> float:
-        """Return where a value is [px]."""
-        return round(self.left + (self.right - self.left) * value / self.limit, 1)
-
-    def grid(self, top: float, bottom: float) -> Iterable[str]:
-        """Draw lines at the ticks, and their labels below."""
-        for tick in self.ticks:
-            x = self.at(tick)
-            yield f'<line class="grid" x1="{x}" x2="{x}" y1="{top}" y2="{bottom}"/>'
-            yield text(x, bottom + 16, f"{tick:g}{self.unit}", "tick middle")
+# Names of the page's colours, see page.css. Charts are drawn in stand-ins, which these replace.
+NAMES = (
+    *("ink", "soft", "line", "paper", "ours", "published", "control"),
+    *("good", "late", "fell", "fault", "other-a", "other-b", "other-c"),
+)
+COLOURS = {f"#0000{number:02x}": name for number, name in enumerate(NAMES, 1)}
+INK, SOFT, LINE, PAPER, OURS, PUBLISHED, CONTROL, GOOD, LATE, FELL, FAULT, *OTHERS = COLOURS
+REASONS = {"success": GOOD, "timeout": LATE, "fell": FELL, "fault": FAULT}
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "sumo-dist",  # equal results make equal files
+    **dict.fromkeys(("font.size", "axes.titlesize"), 9),
+    **dict.fromkeys(("text.color", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "grid.color", "xtick.color", "ytick.color"), LINE),
+    **dict.fromkeys(("axes.titlecolor", "xtick.labelcolor", "legend.labelcolor"), SOFT),
+    **dict.fromkeys((f"axes.spines.{side}" for side in ("top", "right", "left")), False),
+    **dict.fromkeys(("ytick.left", "legend.frameon"), False),
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.grid.axis": "x",
+}
+WIDTH, ROW = 11.0, 0.33  # of a chart, and the height of a task in it [inch]
 
 
 def success_and_time(results: Results) -> str:
     """Success of each task beside what is published, and when its trials were solved."""
-    limit = time_limit(results)
-    rate = Axis(NAMES + 10, NAMES + 380, 1.0, (0.0, 0.25, 0.5, 0.75, 1.0))
-    time = Axis(NAMES + 450, WIDTH - 60, limit, time_ticks(limit), " s")
-    rows = list(zip(row_places(results), results.tasks, strict=True))
-    top, bottom = 34, rows[-1][0] + ROW / 2 + 4
-    parts = [
-        text(rate.left, 16, "success rate, 95 % interval", "head"),
-        text(time.left, 16, "time of each solved trial, and their median", "head"),
-        text(WIDTH - 24, 16, "unsolved", "head middle"),
-        *rate.grid(top, bottom),
-        *time.grid(top, bottom),
-    ]
-    for y, task in rows:
-        parts += [text(NAMES, y + 4, short(task.name), "name end")]
-        parts += [*success_marks(rate, y, task), *time_marks(time, y, task)]
-    return svg(WIDTH, bottom + 24, parts)
-
-
-def success_marks(axis: Axis, y: float, task: TaskResult) -> Iterable[str]:
-    """Draw a task's rate, the published one below it, and that of the robot that only stands."""
-    figure, count = task.figure, task.count
-    yield interval(axis, y + 6, wilson(figure.successes, figure.trials), "paper")
-    yield diamond(axis.at(figure.rate), y + 6, f"published: {figure.successes}/{figure.trials}")
-    yield interval(axis, y - 4, count.interval, "ours")
-    yield circle(axis.at(count.rate), y - 4, 5, "ours", f"{count.successes}/{count.trials}")
-    if task.control:
-        said = f"standing: {task.control.successes}/{task.control.trials}"
-        yield cross(axis.at(task.control.rate), y - 4, "control", said)
-
-
-def time_marks(axis: Axis, y: float, task: TaskResult) -> Iterable[str]:
-    """Draw when each trial was solved, the median, and how many were not."""
-    for i, row in enumerate(task.count.rows):
-        if row["success"]:
-            seconds = row["completion_time_s"]
-            aside = (i % 5 - 2) * 2.6  # so that equal times do not hide each other
-            said = f"seed {row['seed']}: {seconds:.2f} s"
-            yield circle(axis.at(seconds), y + aside, 3.2, "trial", said)
-    if (median := task.count.median) is not None:
-        x = axis.at(median)
-        yield (
-            f'<line class="median" x1="{x}" x2="{x}" y1="{y - 11}" y2="{y + 11}">'
-            f"<title>median {median:.2f} s</title></line>"
+    with rc_context(STYLE):
+        figure = Figure((WIDTH, 1.0 + ROW * len(results.tasks)), layout="constrained")
+        rates, times = figure.subplots(
+            1, 2, sharey=True, width_ratios=(4, 5), gridspec_kw={"wspace": 0.08}
         )
-    if unsolved := task.count.trials - task.count.successes:
-        yield text(WIDTH - 24, y + 4, str(unsolved), "unsolved middle")
+        _draw_rates(rates, results)
+        _draw_times(times, results)
+        rates.set_yticks(*_task_ticks(results))
+        rates.set_ylim(len(results.tasks) - 0.4, -0.6)
+        figure.legend(loc="outside upper left", ncols=3)
+        return _svg(figure)
 
 
-def solved_by(results: Results, task: TaskResult) -> str:
-    """Share of trials that are solved by each time, small."""
-    limit = time_limit(results)
-    axis, top, bottom = Axis(26, 190, limit, time_ticks(limit, 3), " s"), 24, 104
-    success, *_ = task.count.cells()
-    parts = [
-        text(axis.left, 14, short(task.name), "name"),
-        text(axis.right, 14, success, "tick end"),
-        *axis.grid(top, bottom),
-        *(
-            f'<line class="grid" x1="{axis.left}" x2="{axis.right}" y1="{y}" y2="{y}"/>'
-            for y in (top, (top + bottom) / 2, bottom)
-        ),
-        *(
-            text(axis.left - 5, y + 4, label, "tick end")
-            for label, y in (("1", top), ("0", bottom))
-        ),
+def _draw_rates(axes: Axes, results: Results) -> None:
+    """Rates with their intervals, the published ones below, and those of a robot that stands."""
+    axes.set(title="success rate, 95 % interval", xlim=(-0.02, 1.03))
+    places = range(len(results.tasks))
+    above, below = [y - 0.12 for y in places], [y + 0.18 for y in places]
+    ours = [(task.count.successes, task.count.trials) for task in results.tasks]
+    _draw_counts(axes, above, ours, OURS, fmt="o", label="here", markersize=6)
+    published = [(task.figure.successes, task.figure.trials) for task in results.tasks]
+    hollow = {"markerfacecolor": PAPER, "markersize": 5}
+    _draw_counts(axes, below, published, PUBLISHED, fmt="D", label="published", **hollow)
+    stood = [
+        (y, task.control.rate) for y, task in zip(above, results.tasks, strict=True) if task.control
     ]
-    if task.control:
-        parts.append(steps(axis, top, bottom, task.control, "control"))
-    parts.append(steps(axis, top, bottom, task.count, "ours"))
-    return svg(200, bottom + 24, parts)
+    if stood:
+        cross = {"color": CONTROL, "markersize": 6, "markeredgewidth": 2}
+        ys, rates = zip(*stood, strict=True)
+        axes.plot(rates, ys, "x", label="the robot only stands", **cross)
 
 
-def steps(axis: Axis, top: float, bottom: float, count: Count, look: str) -> str:
-    """Draw the empirical distribution of completion times."""
-    path = f"M{axis.left} {bottom}"
-    for i, seconds in enumerate(sorted(count.times), 1):
-        y = round(bottom - (bottom - top) * i / count.trials, 1)
-        path += f"H{axis.at(seconds)}V{y}"
-    return f'<path class="steps {look}" d="{path}H{axis.right}"/>'
+def _draw_counts(
+    axes: Axes,
+    places: Sequence[float],
+    counts: Sequence[tuple[int, int]],
+    colour: str,
+    fmt: str,
+    **look: Any,
+) -> None:
+    """Draw the rates of successes among trials, with their intervals."""
+    lows, highs = zip(*(wilson(*count) for count in counts), strict=True)
+    axes.hlines(places, lows, highs, color=colour, alpha=0.4, linewidth=2.2)
+    axes.plot([successes / n for successes, n in counts], places, fmt, color=colour, **look)
+
+
+def _draw_times(axes: Axes, results: Results) -> None:
+    """When each trial was solved, the median, and how many were not."""
+    limit = time_limit(results)
+    axes.set(title="time of each solved trial, and their median [s]", xlim=(0.0, limit))
+    for y, task in enumerate(results.tasks):
+        aside = [y + (i % 5 - 2) * 0.08 for i in range(len(task.count.times))]  # equal times show
+        look = {"color": OURS, "alpha": 0.45, "markersize": 4.5}
+        axes.plot(task.count.times, aside, "o", gid=f"times of {task.name}", **look)
+        if task.count.median is not None:
+            axes.vlines(task.count.median, y - 0.36, y + 0.36, color=OURS, linewidth=2.5)
+        if unsolved := task.count.trials - task.count.successes:
+            label = axes.text(1.03 * limit, y, f"{unsolved} unsolved", color=FELL, weight="bold")
+            label.set_verticalalignment("center")
+
+
+def solved_by(results: Results) -> str:
+    """Share of all trials of each task that are solved by each time, one small chart a task."""
+    columns = 5
+    rows = -(-len(results.tasks) // columns)
+    with rc_context({**STYLE, "axes.grid.axis": "both"}):
+        figure = Figure((WIDTH, 0.2 + 1.7 * rows), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        limit = time_limit(results)
+        for axes in grid.flat[len(results.tasks) :]:
+            axes.set_axis_off()
+        for axes, task in zip(grid.flat, results.tasks, strict=False):
+            axes.set(xlim=(0, limit), ylim=(-0.02, 1.04), yticks=(0, 0.5, 1))
+            axes.set_title(f"{short(task.name)}  {task.count}")
+            if task.control:
+                _draw_steps(axes, task.control, limit, color=CONTROL, linestyle="--")
+            _draw_steps(axes, task.count, limit, color=OURS)
+        figure.supxlabel("time [s]", color=SOFT, fontsize=9)
+        return _svg(figure)
+
+
+def _draw_steps(axes: Axes, count: Count, limit: float, **look: Any) -> None:
+    """The empirical distribution of completion times."""
+    times = [0.0, *sorted(count.times), limit]
+    solved = [*range(count.successes + 1), count.successes]
+    axes.step(times, [n / count.trials for n in solved], where="post", linewidth=2, **look)
 
 
 def endings(results: Results) -> str:
-    """Draw how the trials of each task ended, as bars of counts."""
-    most = max(task.count.trials for task in results.tasks)
-    axis = Axis(NAMES + 10, WIDTH - 60, most, ())
-    looks = reason_looks(results)
-    parts = []
-    places = list(row_places(results, 12))
-    for y, task in zip(places, results.tasks, strict=True):
-        parts.append(text(NAMES, y + 4, short(task.name), "name end"))
-        done = 0
-        for reason in sorted(task.count.endings, key=list(looks).index):
-            n = task.count.endings[reason]
-            left, right = axis.at(done), axis.at(done + n)
-            parts.append(
-                f'<rect class="bar {looks[reason]}" x="{left}" y="{y - 9}" '
-                f'width="{right - left - 1.5:.1f}" height="18" rx="2">'
-                f"<title>{escape(reason)}: {n}</title></rect>"
+    """How the trials of each task ended, as bars of counts."""
+    with rc_context({**STYLE, "axes.grid": False, "axes.spines.bottom": False}):
+        figure = Figure((WIDTH, 0.6 + ROW * len(results.tasks)), layout="constrained")
+        axes, done = figure.subplots(), [0] * len(results.tasks)
+        for reason, colour in reason_colours(results).items():
+            counts = [task.count.endings[reason] for task in results.tasks]
+            bars = axes.barh(
+                range(len(counts)), counts, 0.66, done, color=colour, edgecolor=PAPER, label=reason
             )
-            parts.append(text(left + 7, y + 4, str(n), "count"))
-            done += n
-    return svg(WIDTH, places[-1] + ROW / 2 + 2, parts)
+            axes.bar_label(bars, [n or "" for n in counts], label_type="center", color=PAPER)
+            done = [left + n for left, n in zip(done, counts, strict=True)]
+        axes.set(xticks=(), ylim=(len(done) - 0.4, -0.6), xlim=(0, max(done)))
+        axes.set_yticks(*_task_ticks(results))
+        figure.legend(loc="outside upper left", ncols=len(REASONS) + len(OTHERS))
+        return _svg(figure)
 
 
-def reason_looks(results: Results) -> dict[str, str]:
-    """Every reason that ended a trial -> the class of its colour, success first."""
+def reason_colours(results: Results) -> dict[str, str]:
+    """Every reason that ended a trial -> its colour, success first, a task's own reasons last."""
     found = {reason for task in results.tasks for reason in task.count.endings}
     own = sorted(found - {*REASONS})
-    looks = {reason: look for reason, look in REASONS.items() if reason in found}
-    return looks | {reason: OTHERS[i % len(OTHERS)] for i, reason in enumerate(own)}
-
-
-def row_places(results: Results, top: float = 34) -> Iterable[float]:
-    """Yield the height of each task's middle; families of tasks stand a little apart."""
-    y, before = top - ROW / 2, None
-    for task in results.tasks:
-        family = task.name.partition("_")[0]
-        y += ROW + (8 if before not in (None, family) else 0)
-        before = family
-        yield y
+    colours = {reason: colour for reason, colour in REASONS.items() if reason in found}
+    return colours | {reason: OTHERS[i % len(OTHERS)] for i, reason in enumerate(own)}
 
 
 def time_limit(results: Results) -> float:
@@ -173,55 +156,20 @@ def time_limit(results: Results) -> float:
     return max(row["time_limit_s"] for row in results.rows)
 
 
-def time_ticks(limit: float, parts: int = 6) -> list[float]:
-    """Return times to label, in equal parts of the limit [s]."""
-    return [limit * i / parts for i in range(parts + 1)]
-
-
 def short(task: str) -> str:
     """Name a task without its robot."""
     return task.rpartition("/")[2].replace("_", " ")
 
 
-def svg(width: float, height: float, parts: Iterable[str]) -> str:
-    """Put shapes on a canvas that shrinks with the page."""
-    return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img">'
-        + "".join(parts)
-        + "</svg>"
-    )
+def _task_ticks(results: Results) -> tuple[Sequence[int], list[str]]:
+    return range(len(results.tasks)), [short(task.name) for task in results.tasks]
 
 
-def text(x: float, y: float, content: str, look: str) -> str:
-    """Write a label."""
-    return f'<text class="{look}" x="{x:g}" y="{y:g}">{escape(content)}</text>'
-
-
-def circle(x: float, y: float, radius: float, look: str, said: str) -> str:
-    """Draw a disc that says something under the pointer."""
-    return (
-        f'<circle class="{look}" cx="{x:g}" cy="{y:g}" r="{radius:g}">'
-        f"<title>{escape(said)}</title></circle>"
-    )
-
-
-def diamond(x: float, y: float, said: str) -> str:
-    """Draw a published figure."""
-    return (
-        f'<path class="paper mark" d="M{x - 4.5:g} {y:g}l4.5 -4.5l4.5 4.5l-4.5 4.5z">'
-        f"<title>{escape(said)}</title></path>"
-    )
-
-
-def cross(x: float, y: float, look: str, said: str) -> str:
-    """Draw a cross that says something under the pointer."""
-    return (
-        f'<path class="{look} mark" d="M{x - 4:g} {y - 4:g}l8 8m0 -8l-8 8">'
-        f"<title>{escape(said)}</title></path>"
-    )
-
-
-def interval(axis: Axis, y: float, ends: tuple[float, float], look: str) -> str:
-    """Draw a line between two values."""
-    low, high = map(axis.at, ends)
-    return f'<line class="interval {look}" x1="{low}" x2="{high}" y1="{y:g}" y2="{y:g}"/>'
+def _svg(figure: Figure) -> str:
+    """Return a figure as an SVG element whose colours are the page's."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+    _, start, svg = file.getvalue().partition("<svg")  # without the head of an XML file
+    for drawn, name in COLOURS.items():
+        svg = svg.replace(drawn, f"var(--{name})")
+    return start + svg

@@ -1,6 +1,6 @@
 """`sumo-dist bench compare`: what changed between two campaigns, and whether it is significant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -15,6 +15,11 @@ from sumo_dist.errors import UsageError
 from sumo_dist.timing import TICK
 
 HEAD = ("task", "A", "B", "difference", "95 %", "p", "both solved", "time B / A", "95 %", "p")
+NOTE = (
+    f"Significant means p < {ALPHA:g}: of Fisher's exact test for success, of Wilcoxon's "
+    "signed-rank test for completion times, seed by seed; p of single tasks in the sentences "
+    "is adjusted for their number (Holm), in the table it is not."
+)
 
 
 @dataclass(frozen=True)
@@ -31,38 +36,23 @@ class Options:
 
 
 class Change(NamedTuple):
-    """What changed in one task.
+    """What changed in one task."""
 
-    Attributes:
-        task: its name, or "all tasks".
-        successes, trials: of A and of B.
-        p: of Fisher's exact test that the success rates are the same.
-        times: completion times of B over those of A, by the seeds that both solved; None if none.
-    """
-
-    task: str
-    successes: tuple[int, int]
-    trials: tuple[int, int]
-    p: float
-    times: Ratio | None
+    a: Count
+    b: Count
+    p: float  # of Fisher's exact test that the success rates are the same
+    times: Ratio | None  # completion times of B over those of A, by the seeds that both solved
 
     @classmethod
-    def between(cls, task: str, a: Sequence[Row], b: Sequence[Row]) -> "Change":
-        """Compare rows of the same tasks."""
-        counts = Count(task, a), Count(task, b)
-        successes = counts[0].successes, counts[1].successes
-        trials = counts[0].trials, counts[1].trials
-        solved = [
-            {
-                (r["task"], r["seed"]): max(r["completion_time_s"], TICK)
-                for r in rows
-                if r["success"]
-            }
-            for rows in (a, b)
-        ]
-        pairs = [(time, solved[1][key]) for key, time in solved[0].items() if key in solved[1]]
+    def between(cls, a: Count, b: Count) -> "Change":
+        """Compare trials of the same tasks."""
+        first, second = (
+            {(r["task"], r["seed"]): max(r["completion_time_s"], TICK) for r in count.solved}
+            for count in (a, b)
+        )
+        pairs = [(time, second[key]) for key, time in first.items() if key in second]
         times = paired_ratio(*zip(*pairs, strict=True)) if pairs else None
-        return cls(task, successes, trials, fisher(successes, trials), times)
+        return cls(a, b, fisher((a.successes, b.successes), (a.trials, b.trials)), times)
 
 
 def main(options: Options) -> int:
@@ -83,97 +73,81 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
     Raises:
         UsageError: the two have no task in common.
     """
-    changes, total = compare(a, b)
-    alone = {*count_tasks(a)} ^ {*count_tasks(b)}
-    a, b = ([row for row in rows if row["task"] not in alone] for rows in (a, b))
-    verdicts = [sentence(change, *ps) for change, *ps in adjusted(changes)]
+    tasks = common_tasks(a, b)
+    alone = sorted({row["task"] for row in (*a, *b)} - {*tasks})
+    a, b = ([row for row in rows if row["task"] in tasks] for rows in (a, b))
+    of_a, of_b = count_tasks(a), count_tasks(b)
+    changes = [Change.between(of_a[task], of_b[task]) for task in tasks]
+    rates = holm([change.p for change in changes])
+    times = holm([change.times.p if change.times else 1.0 for change in changes])
+    verdicts = [sentence(*each) for each in zip(changes, rates, times, strict=True)]
     if len(changes) > 1:
+        total = Change.between(Count("all tasks", a), Count("all tasks", b))
         verdicts.append(sentence(total, total.p, total.times.p if total.times else 1.0))
-    lines = [line(change) for change in (*changes, *([total] if len(changes) > 1 else ()))]
-    note = (
-        f"Significant means p < {ALPHA:g}: of Fisher's exact test for success, of Wilcoxon's "
-        "signed-rank test for completion times, seed by seed; p of single tasks in the sentences "
-        "is adjusted for their number (Holm), in the table it is not."
-    )
+        changes.append(total)
     settings = differences(a, b) or ["All settings are the same."]
-    settings += [f"only one of the two has {task}" for task in sorted(alone)]
+    settings += [f"only one of the two has {task}" for task in alone]
     return "\n\n".join(
         (
             f"# A: {name_a}, B: {name_b}",
-            markdown(HEAD, lines),
-            "\n".join(f"- {verdict}" for verdict in verdicts),
-            note,
-            "## What differs\n\n" + "\n".join(f"- {setting}" for setting in settings),
+            markdown(HEAD, [cells(change) for change in changes]),
+            bullets(verdicts),
+            NOTE,
+            f"## What differs\n\n{bullets(settings)}",
         )
     )
 
 
-def compare(a: Sequence[Row], b: Sequence[Row]) -> tuple[list[Change], Change]:
-    """Compare the tasks that both have, one by one and all together."""
-    tasks_a, tasks_b = count_tasks(a), count_tasks(b)
-    common = [task for task in tasks_a if task in tasks_b]
+def common_tasks(a: Sequence[Row], b: Sequence[Row]) -> list[str]:
+    """Tasks that both have, in the order of A."""
+    of_a, of_b = (dict.fromkeys(row["task"] for row in rows) for rows in (a, b))
+    common = [task for task in of_a if task in of_b]
     if not common:
         raise UsageError(
-            f"A and B have no task in common: {', '.join(tasks_a) or 'no trials'} in A, "
-            f"{', '.join(tasks_b) or 'no trials'} in B"
+            f"A and B have no task in common: {', '.join(of_a) or 'no trials'} in A, "
+            f"{', '.join(of_b) or 'no trials'} in B"
         )
-    changes = [Change.between(task, tasks_a[task].rows, tasks_b[task].rows) for task in common]
-    of_common = [[row for row in rows if row["task"] in common] for rows in (a, b)]
-    return changes, Change.between("all tasks", *of_common)
-
-
-def adjusted(changes: Sequence[Change]) -> list[tuple[Change, float, float]]:
-    """Each task with its p of success and of time, adjusted for the number of tasks."""
-    rates = holm([change.p for change in changes])
-    times = holm([change.times.p if change.times else 1.0 for change in changes])
-    return list(zip(changes, rates, times, strict=True))
+    return common
 
 
 def sentence(change: Change, p_rate: float, p_time: float) -> str:
     """Say what changed in a task, and whether it is significant."""
-    (k, m), (n, o) = change.successes, change.trials
-    said = f"{change.task}: {k}/{n} -> {m}/{o} solved, " + _verdict(
-        "no change" if k / n == m / o else "more" if m / o > k / n else "fewer", p_rate
-    )
+    a, b = change.a, change.b
+    more = "no change" if a.rate == b.rate else "more" if b.rate > a.rate else "fewer"
+    said = f"{a.task}: {a} -> {b} solved, {_verdict(more, p_rate)}"
     if change.times is None:
         return f"{said}; no seed that both solved."
-    ratio = change.times.value
+    ratio, pairs = change.times.value, change.times.pairs
     faster = "as fast" if round(ratio, 3) == 1 else "faster" if ratio < 1 else "slower"
-    verdict = _verdict(faster, p_time)
-    return f"{said}; it takes {ratio:.2f} times as long over {change.times.pairs} seeds, {verdict}."
+    how = _verdict(faster, p_time)
+    return f"{said}; it takes {ratio:.2f} times as long over {pairs} seeds, {how}."
 
 
-def line(change: Change) -> tuple[str, ...]:
+def cells(change: Change) -> tuple[str, ...]:
     """Return a task's cells."""
-    rates = [k / n for k, n in zip(change.successes, change.trials, strict=True)]
-    low, high = newcombe(change.successes, change.trials)
-    cells = (
-        change.task,
-        *(f"{k}/{n}" for k, n in zip(change.successes, change.trials, strict=True)),
-        f"{rates[1] - rates[0]:+.2f}",
-        f"{low:+.2f} to {high:+.2f}",
-        f"{change.p:.3f}",
-    )
-    if change.times is None:
-        return (*cells, "0", "-", "-", "-")
-    t = change.times
-    interval = f"{t.low:.2f} to {t.high:.2f}" if t.low > 0 else "-"
-    return (*cells, str(t.pairs), f"{t.value:.2f}", interval, f"{t.p:.3f}")
+    a, b, t = change.a, change.b, change.times
+    low, high = newcombe((a.successes, b.successes), (a.trials, b.trials))
+    rates = (f"{b.rate - a.rate:+.2f}", f"{low:+.2f} to {high:+.2f}", f"{change.p:.3f}")
+    times = ("0", "-", "-", "-")
+    if t is not None:
+        interval = f"{t.low:.2f} to {t.high:.2f}" if t.low > 0 else "-"
+        times = (str(t.pairs), f"{t.value:.2f}", interval, f"{t.p:.3f}")
+    return (a.task, str(a), str(b), *rates, *times)
 
 
 def differences(a: Sequence[Row], b: Sequence[Row]) -> list[str]:
     """Say which settings differ, and what else the trials were made with and on."""
-    found = []
-    for name, values in _settings(a).items():
-        others = _settings(b).get(name, ())
-        if values != others:
-            found.append(f"{name}: {_join(values)} -> {_join(others)}")
-    return found
+    of_a, of_b = _settings(a), _settings(b)
+    return [
+        f"{name}: {' and '.join(of_a[name])} -> {' and '.join(of_b.get(name, ())) or 'none'}"
+        for name in of_a
+        if of_a[name] != of_b.get(name)
+    ]
 
 
-def _settings(rows: Sequence[Row]) -> dict[str, tuple[Any, ...]]:
+def _settings(rows: Sequence[Row]) -> dict[str, list[str]]:
     """Every value that each setting has; of the tasks, where they have their own."""
-    found: dict[str, dict[Any, None]] = {}
+    found: dict[str, dict[str, None]] = {}
     for row in rows:
         flat: Mapping[str, Any] = {
             **row["planner"],
@@ -184,12 +158,13 @@ def _settings(rows: Sequence[Row]) -> dict[str, tuple[Any, ...]]:
             **row["provenance"],
         }
         for name, value in flat.items():
-            found.setdefault(name, {})[value] = None
-    return {name: tuple(values) for name, values in found.items()}
+            found.setdefault(name, {})[str(value)] = None
+    return {name: [*values] for name, values in found.items()}
 
 
-def _join(values: Sequence[Any]) -> str:
-    return " and ".join(map(str, values)) or "none"
+def bullets(lines: Iterable[str]) -> str:
+    """Lay out a list."""
+    return "\n".join(f"- {line}" for line in lines)
 
 
 def _verdict(what: str, p: float) -> str:

@@ -60,12 +60,20 @@ class Journal:
                 campaign writes to it.
         """
         self.path = path
-        self._file = _taken(path)
-        self.rows: dict[Trial, dict[str, Any]] = {}
-        for row in _parse(_drop_torn_line(path, tell), path):
-            trial = Trial.of(row)
+        try:
+            self._file = _locked(path)
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"cannot use {path} as the file of a campaign: {error}") from None
+        whole, newline, torn = text.rpartition("\n")
+        if not torn.startswith(_BEGINNING[: len(torn)]):
+            raise _not_ours(path)
+        self.rows: dict[Trial, dict[str, Any]] = {Trial.of(r): r for r in _parse(whole, path)}
+        for trial, row in self.rows.items():
             _check(row, settings(trial), path)
-            self.rows[trial] = row
+        if torn:
+            tell(f"{path}: dropped a last line that was not written to its end")
+            path.write_text(whole + newline, encoding="utf-8")
 
     def append(self, row: dict[str, Any]) -> None:
         """Write a trial through to the file."""
@@ -87,12 +95,9 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     return _parse(whole, path)
 
 
-def _taken(path: Path) -> TextIO:
+def _locked(path: Path) -> TextIO:
     """Open a file to append to, locked for as long as it is open."""
-    try:
-        file = path.open("a", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot use {path} as the file of a campaign: {error}") from None
+    file = path.open("a", encoding="utf-8")
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -101,20 +106,6 @@ def _taken(path: Path) -> TextIO:
             f"another campaign writes to {path}: wait for it, or name another file"
         ) from None
     return file
-
-
-def _drop_torn_line(path: Path, tell: Callable[[str], None]) -> str:
-    try:
-        text = path.read_text(encoding="utf-8")
-        whole, newline, torn = text.rpartition("\n")
-        if not torn.startswith(_BEGINNING[: len(torn)]):
-            raise UsageError(f"{path} is not a file of `sumo-dist bench`; name another file")
-        if torn:
-            tell(f"{path}: dropped a last line that was not written to its end")
-            path.write_text(whole + newline, encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"cannot use {path} as the file of a campaign: {error}") from None
-    return whole
 
 
 def _parse(whole: str, path: Path) -> list[dict[str, Any]]:
@@ -127,11 +118,13 @@ def _parse(whole: str, path: Path) -> list[dict[str, Any]]:
         except (json.JSONDecodeError, KeyError, TypeError):
             known, row = False, None
         if not known:
-            raise UsageError(
-                f"{path}, line {number} is not a trial of `sumo-dist bench`; name another file"
-            )
+            raise _not_ours(path, f", line {number}")
         rows.append(row)
     return rows
+
+
+def _not_ours(path: Path, place: str = "") -> UsageError:
+    return UsageError(f"{path}{place} is no trial of `sumo-dist bench`; name another file")
 
 
 def _check(row: Mapping[str, Any], wanted: Mapping[str, Any], path: Path) -> None:

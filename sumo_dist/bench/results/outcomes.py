@@ -3,7 +3,7 @@
 import json
 import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -16,97 +16,69 @@ from sumo_dist.errors import UsageError
 JOURNAL = "trials.jsonl"
 REQUEST = "suite.json"
 RECORDINGS = "recordings"
+CELLS = ("success", "rate", "Wilson 95 %", "median [s]", "mean [s]")
 
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
 class Count:
-    """Trials of one task.
+    """Counts of some trials.
 
     Attributes:
-        task: its name.
+        task: their task's name.
         rows: of the journal.
+        solved: those of the successes.
+        trials, successes: how many there are.
+        times: completion times of the successes [s].
+        median: of these times, None without any [s].
+        rate: share of successes.
+        interval: Wilson's 95 % interval of the rate.
+        endings: how many trials ended for which reason; faults are one.
     """
 
-    task: str
-    rows: Sequence[Row]
+    def __init__(self, task: str, rows: Iterable[Row]) -> None:
+        """Count."""
+        self.task, self.rows = task, list(rows)
+        self.solved = [row for row in self.rows if row["success"]]
+        self.trials, self.successes = len(self.rows), len(self.solved)
+        self.times: list[float] = [row["completion_time_s"] for row in self.solved]
+        self.median = statistics.median(self.times) if self.times else None
+        self.rate = self.successes / self.trials
+        self.interval = wilson(self.successes, self.trials)
+        self.endings = Counter(row["end_reason"].partition(":")[0] for row in self.rows)
 
-    @property
-    def trials(self) -> int:
-        """How many there are."""
-        return len(self.rows)
-
-    @property
-    def times(self) -> list[float]:
-        """Completion times of the successes [s]."""
-        return [row["completion_time_s"] for row in self.rows if row["success"]]
-
-    @property
-    def median(self) -> float | None:
-        """Median of the completion times [s]."""
-        return statistics.median(self.times) if self.times else None
-
-    @property
-    def successes(self) -> int:
-        """How many succeeded."""
-        return len(self.times)
-
-    @property
-    def rate(self) -> float:
-        """Share of successes."""
-        return self.successes / self.trials
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the rate."""
-        return wilson(self.successes, self.trials)
-
-    @property
-    def endings(self) -> Counter[str]:
-        """How many trials ended for which reason; faults are one."""
-        return Counter(row["end_reason"].partition(":")[0] for row in self.rows)
+    def __str__(self) -> str:
+        """Say it in a table: successes of trials."""
+        return f"{self.successes}/{self.trials}"
 
     def cells(self) -> tuple[str, ...]:
-        """Successes, rate, interval, median and mean time, as they stand in a table."""
+        """Return the cells under CELLS."""
         low, high = self.interval
-        times = self.times
-        return (
-            f"{self.successes}/{self.trials}",
-            f"{self.rate:.2f}",
-            f"{low:.2f} to {high:.2f}",
-            f"{self.median:.2f}" if times else "-",
-            f"{statistics.mean(times):.2f}" if times else "-",
-        )
+        median = "-" if self.median is None else f"{self.median:.2f}"
+        mean = f"{statistics.mean(self.times):.2f}" if self.times else "-"
+        return str(self), f"{self.rate:.2f}", f"{low:.2f} to {high:.2f}", median, mean
 
     def ended_by(self) -> str:
         """Name the reasons and how often each was."""
         return ", ".join(f"{reason} {n}" for reason, n in self.endings.items())
 
 
-CELLS = ("success", "rate", "Wilson 95 %", "median [s]", "mean [s]")
-
-
-def count_tasks(rows: Sequence[Row], variant: str = PLANNED) -> dict[str, Count]:
+def count_tasks(rows: Iterable[Row], variant: str = PLANNED) -> dict[str, Count]:
     """Sort rows by task, in the order in which tasks first come."""
-    rows = [row for row in rows if row["variant"] == variant]
-    tasks = dict.fromkeys(row["task"] for row in rows)
-    return {task: Count(task, [row for row in rows if row["task"] == task]) for task in tasks}
+    tasks: dict[str, list[Row]] = {}
+    for row in rows:
+        if row["variant"] == variant:
+            tasks.setdefault(row["task"], []).append(row)
+    return {task: Count(task, of_it) for task, of_it in tasks.items()}
 
 
 @dataclass(frozen=True)
 class TaskResult:
-    """One task of a suite.
-
-    Attributes:
-        count: of the trials.
-        control: of those in which the robot only stands, if there are any.
-        figure: what has been published.
-    """
+    """One task of a suite."""
 
     count: Count
-    control: Count | None
-    figure: Figure
+    control: Count | None  # of the trials in which the robot only stands, if there are any
+    figure: Figure  # what has been published
 
     @property
     def name(self) -> str:
@@ -116,37 +88,31 @@ class TaskResult:
     @property
     def typical(self) -> Row | None:
         """The success of median completion time."""
-        successes = [row for row in self.count.rows if row["success"]]
-        ordered = sorted(successes, key=lambda row: (row["completion_time_s"], row["seed"]))
+        ordered = sorted(self.count.solved, key=lambda r: (r["completion_time_s"], r["seed"]))
         return ordered[(len(ordered) - 1) // 2] if ordered else None
+
+    @property
+    def failures(self) -> list[Row]:
+        """The trials that did not succeed."""
+        return [row for row in self.count.rows if not row["success"]]
 
     @property
     def failure(self) -> Row | None:
         """The first of those failures that ended in the most common way."""
-        failures = [row for row in self.count.rows if not row["success"]]
-        if not failures:
-            return None
-        common, _ = Counter(row["end_reason"] for row in failures).most_common(1)[0]
-        return next(row for row in failures if row["end_reason"] == common)
+        reasons = Counter(row["end_reason"] for row in self.failures)
+        most = max(reasons.values(), default=0)
+        return next((row for row in self.failures if reasons[row["end_reason"]] == most), None)
 
 
 @dataclass(frozen=True)
 class Results:
-    """The folder of a suite.
-
-    Attributes:
-        folder: with the journal and the recordings.
-        suite: which one.
-        request: what was asked for: its command, tasks, number of trials and first seed.
-        rows: of all trials of the request that are done.
-        tasks: those of which there are trials, in the suite's order.
-    """
+    """The folder of a suite."""
 
     folder: Path
     suite: Suite
-    request: Mapping[str, Any]
-    rows: Sequence[Row]
-    tasks: Sequence[TaskResult]
+    request: Mapping[str, Any]  # what was asked for: command, tasks, number of trials, first seed
+    rows: Sequence[Row]  # of all trials of the request that are done
+    tasks: Sequence[TaskResult]  # those of which there are trials, in the suite's order
 
     @classmethod
     def load(cls, folder: Path) -> Self:
@@ -164,8 +130,11 @@ class Results:
                 f"{folder} is not the folder of a suite; `sumo-dist bench suite NAME --out DIR` "
                 "makes one"
             ) from None
-        asked = {Trial(task, seed, v) for task in tasks for seed in seeds for v in VARIANTS}
-        rows = [row for row in read_rows(folder / JOURNAL) if Trial.of(row) in asked]
+        rows = [
+            row
+            for row in read_rows(folder / JOURNAL)
+            if row["task"] in tasks and row["seed"] in seeds
+        ]
         rows.sort(key=lambda row: row["seed"])
         counts, controls = count_tasks(rows), count_tasks(rows, STANDING)
         if not counts:
@@ -180,8 +149,8 @@ class Results:
     @property
     def missing(self) -> int:
         """How many trials are not done."""
-        tasks = self.request["tasks"]
-        wanted = len(tasks) + len({*tasks} & {*self.suite.controls})
+        tasks = {*self.request["tasks"]}
+        wanted = len(tasks) + len(tasks & {*self.suite.controls})
         return wanted * self.request["trials"] - len(self.rows)
 
     @property
@@ -197,31 +166,30 @@ class Results:
         }
 
     def made_by(self, key: str) -> list[str]:
-        """Return what the trials were made by: codes, machines; see report.provenance."""
+        """Return what the trials were made by: codes, machines; see `provenance`."""
         return sorted({row["provenance"][key] for row in self.rows})
 
     def failures(self) -> list[Row]:
         """Return the trials that did not succeed, task by task."""
-        return [row for task in self.tasks for row in task.count.rows if not row["success"]]
+        return [row for task in self.tasks for row in task.failures]
 
     def findings(self) -> list[str]:
         """Say in sentences what is in the tables."""
-        counts = [task.count for task in self.tasks]
-        successes, trials = (
-            sum(getattr(c, key) for c in counts) for key in ("successes", "trials")
-        )
-        low, high = wilson(successes, trials)
-        ours = statistics.mean(count.rate for count in counts)
+        total = Count("all", [row for task in self.tasks for row in task.count.rows])
+        low, high = total.interval
+        ours = statistics.mean(task.count.rate for task in self.tasks)
         published = statistics.mean(task.figure.rate for task in self.tasks)
         reached = sum(task.count.rate >= task.figure.rate for task in self.tasks)
         said = [
-            f"{successes} of {trials} trials succeeded (95 % interval {low:.3f} to {high:.3f}). "
-            f"The mean of the tasks' rates is {ours:.3f}, published {published:.3f}; "
-            f"{reached} of {len(counts)} tasks are at or above what is published."
+            f"{total.successes} of {total.trials} trials succeeded (95 % interval {low:.3f} to "
+            f"{high:.3f}). The mean of the tasks' rates is {ours:.3f}, published {published:.3f}; "
+            f"{reached} of {len(self.tasks)} tasks are at or above what is published."
         ]
-        if controls := [task.control for task in self.tasks if task.control]:
-            by_itself, of = (sum(getattr(c, k) for c in controls) for k in ("successes", "trials"))
-            said.append(f"Without planning, {by_itself} of {of} trials succeeded by themselves.")
+        if stood := [row for task in self.tasks if task.control for row in task.control.rows]:
+            by_itself = sum(row["success"] for row in stood)
+            said.append(
+                f"Without planning, {by_itself} of {len(stood)} trials succeeded by themselves."
+            )
         if self.missing:
             said.append(
                 f"Unfinished: {self.missing} trials are missing; the command goes on from here."
@@ -234,11 +202,8 @@ class Results:
 
     def exemplars(self) -> list[Row]:
         """The typical success and the failure of each task, as far as there are any."""
-        pairs = ((result.typical, result.failure) for result in self.tasks)
+        pairs = ((task.typical, task.failure) for task in self.tasks)
         return [row for pair in pairs for row in pair if row is not None]
-
-
-VARIANTS = (PLANNED, STANDING)
 
 
 def recording_folder(recordings: Path, trial: Trial) -> Path:

@@ -8,7 +8,6 @@ import tyro
 
 from sumo_dist.bench.layout import say
 from sumo_dist.bench.results.outcomes import Results
-from sumo_dist.bench.results.page import page
 from sumo_dist.bench.results.tables import text
 from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
@@ -27,13 +26,19 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Write report.html and report.md into the folder."""
+    """Write report.md and report.html into the folder."""
     results = Results.load(options.folder)
-    outputs = {"report.html": page(results, strips(results)), "report.md": text(results)}
-    for name, content in outputs.items():
-        (options.folder / name).write_text(content, encoding="utf-8")
-        print(f"wrote {options.folder / name}")
+    write(options.folder / "report.md", text(results))
+    from sumo_dist.bench.results.page import page  # needs the bench extra
+
+    write(options.folder / "report.html", page(results, strips(results)))
     return 0
+
+
+def write(path: Path, content: str) -> None:
+    """Write a file and say so."""
+    path.write_text(content, encoding="utf-8")
+    print(f"wrote {path}")
 
 
 def strips(results: Results) -> dict[str, bytes]:

@@ -17,20 +17,13 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 
 class Ratio(NamedTuple):
-    """How the second of two paired samples compares with the first.
-
-    Attributes:
-        pairs: how many there are.
-        value: Hodges-Lehmann estimate of second / first.
-        low, high: its 95 % interval, from 0 to infinity where there are too few pairs for one.
-        p: of Wilcoxon's signed-rank test, exact and two-sided.
-    """
+    """How the second of two paired samples compares with the first."""
 
     pairs: int
-    value: float
-    low: float
+    value: float  # Hodges-Lehmann estimate of second / first
+    low: float  # its 95 % interval, from 0 to infinity where there are too few pairs for one
     high: float
-    p: float
+    p: float  # of Wilcoxon's signed-rank test, exact and two-sided
 
 
 def fisher(successes: tuple[int, int], trials: tuple[int, int]) -> float:

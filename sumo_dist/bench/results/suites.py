@@ -6,17 +6,11 @@ from typing import NamedTuple
 
 
 class Figure(NamedTuple):
-    """A published result.
-
-    Attributes:
-        successes: of so many trials.
-        trials: of one task.
-        seconds: mean completion time, where it was published [s].
-    """
+    """A published result of a task."""
 
     successes: int
     trials: int
-    seconds: float | None = None
+    seconds: float | None = None  # mean completion time, where it was published
 
     @property
     def rate(self) -> float:

@@ -7,23 +7,23 @@ from pathlib import Path
 
 import pytest
 
-from sumo_dist.bench.campaign.processes import Again, Processes, run_each
-from sumo_dist.bench.engine import checked_engine
+from sumo_dist.bench.campaign.processes import JobLost, processes
+from sumo_dist.bench.layout import checked_engine
 from sumo_dist.errors import UsageError
 
 # A process imports what it runs by name, so the jobs here are functions that any of them has.
 
 SLEEP = "import os, pathlib, time; pathlib.Path({!r}).write_text(str(os.getpid())); time.sleep(60)"
 SLEEPER = """
-from sumo_dist.bench.campaign.processes import Processes, run_each
-with Processes(exec, 1) as pool:
-    list(run_each([{!r}], [pool]))
+from sumo_dist.bench.campaign.processes import processes
+with processes(exec, 1) as runners:
+    list(runners.run_each([{!r}]))
 """
 
 
 def each(function, jobs, limit=1):
-    with Processes(function, limit) as pool:
-        return list(run_each(jobs, [pool]))
+    with processes(function, limit) as runners:
+        return list(runners.run_each(jobs))
 
 
 def test_every_job_is_answered_once():
@@ -39,16 +39,23 @@ def test_an_error_on_purpose_is_raised_here():
         each(checked_engine, ["diesel"])
 
 
-def test_pools_share_the_jobs_and_a_lost_one_is_done_by_another():
-    class Loser(Processes):
-        def result(self, ours):
-            super().result(ours)
-            self._limit = 0
-            raise Again
+def test_a_lost_job_is_done_by_another_and_the_loser_gets_no_more():
+    asked = []
 
-    with Loser(abs, 1) as loser, Processes(abs, 1) as other:
-        assert sorted(run_each([-1, -2, -3], [loser, other])) == [(-3, 3), (-2, 2), (-1, 1)]
-        assert loser.free == 0 and other.free == 1
+    def loser(job):
+        asked.append(job)
+        raise JobLost
+
+    with processes(abs, 1) as runners:
+        runners.add(loser)
+        assert sorted(runners.run_each([-1, -2, -3])) == [(-3, 3), (-2, 2), (-1, 1)]
+    assert len(asked) <= 1
+
+
+def test_a_runner_that_breaks_is_noticed():
+    with processes(abs, 0) as runners, pytest.raises(ZeroDivisionError):
+        runners.add(lambda job: job / 0)
+        list(runners.run_each([1]))
 
 
 @pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGINT])

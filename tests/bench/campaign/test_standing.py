@@ -1,6 +1,6 @@
 import numpy as np
 
-from sumo_dist.bench.campaign.standing import run_standing
+from sumo_dist.bench.campaign.job import run_standing
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.tasks import load_task

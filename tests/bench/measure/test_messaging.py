@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sumo_dist.bench.measure import messaging
-from sumo_dist.bench.measure.moment import Moment
 from sumo_dist.bench.measure.planning import in_process, request
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.cli import main
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
@@ -15,8 +15,8 @@ SMALL = EpisodeConfig("spot/move_box", planner=PlannerConfig(rollouts=4, horizon
 
 
 def test_requests_differ_in_nothing_but_their_number():
-    moment = Moment.load()
-    first, second = request(moment, 1), request(moment, 2)
+    snapshot = Snapshot.load()
+    first, second = request(snapshot, 1), request(snapshot, 2)
     assert (first.number, second.number) == (1, 2)
     assert first.tick < second.tick
     assert np.array_equal(first.state, second.state)
@@ -31,7 +31,7 @@ def test_plans_that_differ_are_no_comparison():
         in_process(other, threads=1) as there,
         pytest.raises(SumoError, match="plan 1 differs"),
     ):
-        messaging.interleave(Moment.load(), here, there, plans=1)
+        messaging.interleave(Snapshot.load(), here, there, plans=1)
 
 
 def test_figures_are_percentiles_and_differences():

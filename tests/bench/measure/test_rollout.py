@@ -1,15 +1,18 @@
 import io
 import json
+import os
 import sys
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sumo_dist.bench import engine
-from sumo_dist.bench.measure import reference, rollout
-from sumo_dist.bench.measure.moment import Moment
-from sumo_dist.bench.measure.reference_worker import compile_without_visuals
+from sumo_dist.bench import layout
+from sumo_dist.bench.measure import rollout
+from sumo_dist.bench.measure.reference import Reference
+from sumo_dist.bench.measure.reference_child import compile_without_visuals
+from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Variant
 from sumo_dist.cli import main
 from sumo_dist.errors import SumoError
@@ -56,10 +59,9 @@ def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
     assert main(["bench", "rollout", "--robot", "g1", "--json", "--repeats", "1"]) == 0
     found = json.loads(capsys.readouterr().out)
     overrides = [(v["engine"], v["timestep"]) for v in (d["variant"] for d in found["deviations"])]
-    assert ("full feet", 0.01) in overrides
     assert ("engine", 0.005) in overrides
-    assert found["full_feet_over_three_capsules"] > 0
-    assert main(["bench", "rollout", "--robot", "g1", "--reference"]) == 2
+    assert found["half_step_over_plant"] > 0
+    assert main(["bench", "rollout", "--robot", "g1", "--reference", "python"]) == 2
     assert "the reference is of Spot" in capsys.readouterr().err
 
 
@@ -83,25 +85,32 @@ def test_the_references_model_is_the_planning_model():
     assert np.array_equal(theirs.body_mass, ours.body_mass)
 
 
-def test_a_machine_that_cannot_run_the_reference_says_so(monkeypatch):
-    with pytest.raises(SumoError, match="this machine cannot run it"):
-        reference._interpreter("cp311-cp311-manylinux_2_34_aarch64")
-    monkeypatch.setattr(reference.shutil, "which", lambda _name: None)
-    other = 12 if sys.version_info.minor == 11 else 11
-    with pytest.raises(SumoError, match=rf"no python3\.{other} here"):
-        reference._interpreter(f"cp3{other}-cp3{other}-manylinux_2_34_x86_64")
+def test_an_interpreter_that_is_not_there_is_named(capsys, monkeypatch):
+    monkeypatch.setattr(rollout, "ROLLOUTS", 1)
+    assert main(["bench", "rollout", "--repeats", "1", "--reference", "/nowhere/python"]) == 2
+    assert "no reference at /nowhere/python: No such file" in capsys.readouterr().err
+
+
+def test_an_environment_without_the_reference_is_an_error(monkeypatch):
+    snapshot = Snapshot.load()
+    commands = snapshot.commands(1)
+    with (
+        Reference(Path(sys.executable), snapshot, commands) as reference,
+        pytest.raises(SumoError, match="the reference's process ended"),
+    ):
+        reference.round(0.0)
+        reference.round(0.0)
 
 
 @pytest.mark.slow
+@pytest.mark.skipif("SUMO_DIST_REFERENCE" not in os.environ, reason="names no reference's Python")
 def test_the_reference_ends_where_the_engine_does():
-    if not (reference.environment_folder() / "complete").exists():
-        pytest.skip("needs the environment that `sumo-dist bench rollout --reference` makes")
-    moment = Moment.load()
-    commands = moment.commands(4)
-    problem = rollout.problem(moment, rollout.NO_DRAG)
-    with reference.Reference(moment, commands, print) as theirs, problem.engine(1) as engine:
+    snapshot = Snapshot.load()
+    commands, python = snapshot.commands(4), Path(os.environ["SUMO_DIST_REFERENCE"])
+    problem = rollout.problem(snapshot, rollout.NO_DRAG)
+    with Reference(python, snapshot, commands) as theirs, problem.engine(1) as engine:
         final = theirs.round(0.0).final
-        ours = engine.rollout(moment.state, moment.memory, commands).states[:, -1]
+        ours = engine.rollout(snapshot.state, snapshot.memory, commands).states[:, -1]
     assert final.shape == ours.shape
     # Two releases of MuJoCo: equal but for rounding, which contacts can amplify.
     assert np.median(np.abs(final - ours)) < 1e-3
@@ -110,6 +119,6 @@ def test_the_reference_ends_where_the_engine_does():
 def test_bad_options_are_named(capsys, monkeypatch):
     assert main(["bench", "rollout", "--repeats", "0"]) == 2
     assert "repeats must be at least 1" in capsys.readouterr().err
-    monkeypatch.setattr(engine, "engine_identity", lambda _kind: ("fallback", "build"))
+    monkeypatch.setattr(layout, "engine_identity", lambda _kind: ("fallback", "build"))
     assert main(["bench", "rollout"]) == 2
     assert "--engine fallback" in capsys.readouterr().err

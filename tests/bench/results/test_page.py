@@ -1,13 +1,17 @@
+import importlib.util
 import json
 import re
+import sys
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pytest
 
 from sumo_dist.bench.results.outcomes import JOURNAL, REQUEST, Results
-from sumo_dist.bench.results.page import page
+from sumo_dist.bench.results.page import PICTURES, page
 from sumo_dist.bench.results.tables import text
+from sumo_dist.errors import SumoError
+from sumo_dist.view import replay
 
 BOX, TIRE = "spot/move_box", "spot/upright_tire"
 
@@ -63,8 +67,9 @@ def test_the_page_is_whole_and_needs_nothing_else(results):
     html = page(results, {"spot_move_box-10": b"\xff\xd8 picture"})
     tags = read(html)
     sources = [value for key, value in tags.attributes if key in ("src", "href", "xlink:href")]
-    assert sources == ["data:image/jpeg;base64,/9ggcGljdHVyZQ=="]
-    assert not re.search(r"@import|url\(", html)
+    outside = [source for source in sources if not source.startswith("#")]
+    assert outside == ["data:image/jpeg;base64,/9ggcGljdHVyZQ=="]
+    assert not re.search(r"@import|url\((?!#)", html)
     assert "a computer & its cores" in tags.words
     assert "sumo-dist <x>" in tags.words
     assert any("solved in 14.0 s" in word for word in tags.words)
@@ -90,19 +95,39 @@ def test_a_rate_is_marked_where_chance_does_not_explain_it(results):
     assert '<td class="number below">0.20</td>' in html
 
 
+def charts(html):
+    return [ElementTree.fromstring(svg) for svg in re.findall("<svg.*?</svg>", html, re.DOTALL)]
+
+
+def words(svg):
+    return ["".join(node.itertext()) for node in svg.iter() if node.tag.endswith("}text")]
+
+
 def test_charts_are_well_formed_and_count_right(results):
-    svgs = [ElementTree.fromstring(svg) for svg in re.findall("<svg.*?</svg>", page(results, {}))]
-    looks = [node.get("class") for svg in svgs for node in svg.iter()]
-    assert looks.count("trial") == 19 + 4  # a dot for each success
-    assert looks.count("interval paper") == looks.count("interval ours") == 2
-    assert sum(look in ("steps ours", "steps control") for look in looks) == 3
-    bars = [
-        float(node.get("width"))
-        for svg in svgs
-        for node in svg.iter()
-        if "bar" in str(node.get("class")) and float(node.get("width")) > 20
-    ]
-    assert bars[0] / bars[1] == pytest.approx(19, rel=0.05)
+    overview, solved_by, endings = charts(page(results, {}))
+    for task, solved in ((BOX, 19), (TIRE, 4)):
+        (dots,) = [node for node in overview.iter() if node.get("id") == f"times of {task}"]
+        assert len([node for node in dots.iter() if node.tag.endswith("}use")]) == solved
+    assert {"1 unsolved", "16 unsolved", "move box", "the robot only stands"} <= {*words(overview)}
+    assert {"move box  19/20", "upright tire  4/20"} <= {*words(solved_by)}
+    assert {"19", "1", "4", "16", "success", "fell", "rolled < away"} <= {*words(endings)}
+
+
+def test_charts_have_no_colours_of_their_own(results):
+    for svg in re.findall("<svg.*?</svg>", page(results, {}), re.DOTALL):
+        assert "var(--ink)" in svg
+        assert not re.search(r"(?:fill|stroke): ?#", svg)
+
+
+def test_a_page_without_its_libraries_is_one_clear_error(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.delitem(sys.modules, "sumo_dist.bench.results.page")
+    with pytest.raises(SumoError, match=r"jinja2 and matplotlib.*'sumo-dist\[bench\]'"):
+        importlib.import_module("sumo_dist.bench.results.page")
+
+
+def test_a_strip_has_the_times_of_its_pictures():
+    assert replay.STRIP == PICTURES
 
 
 def test_markdown_names_every_failed_trial(results):

@@ -21,7 +21,7 @@ def main() -> None:
     sys.path.append(setup["package_root"])  # last: this environment's own packages come first
     state, memory, commands = (np.array(setup[key]) for key in ("state", "memory", "commands"))
     rows = len(commands)
-    starts, memories = np.tile(state, (rows, 1)), np.tile(memory, (rows, 1))
+    inputs = np.tile(state, (rows, 1)), commands, np.tile(memory, (rows, 1))
     backend = import_module("mujoco_extensions.policy_rollout")
     systems = {}
     for line in sys.stdin:
@@ -29,17 +29,12 @@ def main() -> None:
         if density not in systems:
             model = compile_without_visuals(setup["task"], setup["timestep"], density)
             systems[density] = backend.create_systems_vector(model, setup["policy"], rows)
-        answer = one_round(backend, systems[density], starts, commands, memories, setup["substeps"])
+        answer = one_round(backend, systems[density], inputs, setup["substeps"])
         print(json.dumps(answer), flush=True)
 
 
 def one_round(
-    backend: Any,
-    systems: list[Any],
-    starts: np.ndarray,
-    commands: np.ndarray,
-    memories: np.ndarray,
-    substeps: int,
+    backend: Any, systems: list[Any], inputs: tuple[np.ndarray, ...], substeps: int
 ) -> Answer:
     """Time one call as the reference's own wrapper makes it, but for its wall-clock cutoff.
 
@@ -48,9 +43,8 @@ def one_round(
     from sumo_dist.bench.measure.variant import timed
 
     def call() -> tuple[np.ndarray, ...]:
-        results = backend.threaded_rollout(
-            systems, starts, commands, memories, len(systems), substeps, float("inf")
-        )
+        threads, cutoff = len(systems), float("inf")
+        results = backend.threaded_rollout(systems, *inputs, threads, substeps, cutoff)
         return tuple(np.array(result) for result in results)  # states, sensors, memories
 
     wall_ms, cpu_ms, (states, *_) = timed(call)

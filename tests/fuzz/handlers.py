@@ -1,8 +1,8 @@
-"""What the services do with a message, without the network: the target of the fuzzers.
+"""The services' message handlers without a network, for the fuzz tests to call.
 
-The handlers are the real ones: of robot, optimizer, estimator and worker, up to where rollouts
-would start. Only the session is not: it keeps the callbacks that are declared on it, so that bytes
-reach them at a rate that no network has.
+The handlers of robot, optimizer, estimator and worker are the real ones, up to where rollouts would
+start. Only the session is a stand-in: it keeps the callbacks that are declared on it, so that bytes
+reach them faster than over a network.
 """
 
 import queue
@@ -85,7 +85,7 @@ class _Session:
         self.on_put()
 
 
-class Target:
+class MessageHandlers:
     """The message handlers of robot, optimizer, worker and estimator in one process.
 
     Attributes:

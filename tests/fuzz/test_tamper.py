@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from sumo_dist.bench.measure.fuzz_target import samples
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.messages import RolloutReply
 from sumo_dist.wire.schema import WireError
+
+from .handlers import samples
+from .nonsense import nonsense
 
 MESSAGES = samples(np.random.default_rng(0))
 REPLY = next(m for m in MESSAGES if isinstance(m, RolloutReply))
@@ -46,7 +48,7 @@ def test_nonsense_is_well_sealed(rng):
     reasons = set()
     for _ in range(300):
         try:
-            decode(RolloutReply, TAMPERS["nonsense"](encode(REPLY), rng))
+            decode(RolloutReply, nonsense(encode(REPLY), rng))
         except WireError as error:
             reasons.add(error.reason)
     assert {"field", "range", "shape", "non-finite"} <= reasons
