@@ -267,11 +267,14 @@ def plan_times(threads: int) -> list[float]:
     """Wall times of some plans of default settings [ms]."""
     from sumo_dist.bench.measure.planning import in_process, request
     from sumo_dist.bench.measure.snapshot import Snapshot
+    from sumo_dist.episode.assemble import Episode
     from sumo_dist.episode.config import EpisodeConfig
 
     snapshot = Snapshot.load()
-    with in_process(EpisodeConfig(snapshot.task), threads) as plan:
-        return [plan(request(snapshot, number)).plan_ms for number in range(1, PLANS + 1)]
+    episode = Episode.assemble(EpisodeConfig(snapshot.task))
+    with in_process(episode, threads) as plan:
+        numbers = range(1, PLANS + 1)
+        return [plan(request(episode, snapshot, number)).plan_ms for number in numbers]
 
 
 CHECKS: dict[str, Callable[[], Finding]] = {

@@ -118,7 +118,7 @@ class RemoteEvaluator:
         )
         while not self._inbox.empty():  # who came and went since the last plan
             self._take(job, self._inbox.get())
-        self._try_one(job)
+        self._try_others(job)
         while not job.answered.all():
             if self._stop.is_set():
                 raise Interrupted("told to stop while waiting for rollouts")
@@ -133,9 +133,9 @@ class RemoteEvaluator:
         self._close(job)
         return Evaluation(job.terms, job.valid, job.answered, np.empty(0, np.float32))
 
-    def _try_one(self, job: _Job) -> None:
-        """Give a worker that has not shown itself yet a row that another one rolls out, too."""
-        if (name := self.workers.to_try()) is not None:
+    def _try_others(self, job: _Job) -> None:
+        """Give workers that have not shown themselves yet a row that another rolls out, too."""
+        for name in self.workers.to_try():
             self._send(job, name, 0, 1, spare=True)
 
     def _assign(self, job: _Job) -> None:

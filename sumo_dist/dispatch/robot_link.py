@@ -34,7 +34,7 @@ class RobotLink:
 
     Attributes:
         operator: gives commands.
-        refused: states and plans that do not fit the robot, dropped so far.
+        refused: states, plans and episodes that do not fit the robot, dropped so far.
     """
 
     def __init__(
@@ -58,14 +58,18 @@ class RobotLink:
         self._on_report = on_plan
         self._arrived = threading.Condition()
         self.refused = 0
+        self._misled = False  # the others may be: somebody has told of another episode
+        self._own: set[str] = set()  # runs of the episodes so far: an echo of one is no lie
         self._begin(None, None)
         self.operator = BusOperator(bus, stop, self._wake)
         bus.subscribe(State, self._on_state)
         bus.subscribe(PlanMessage, self._on_plan)
+        bus.subscribe(EpisodeInfo, self._on_info)
         bus.watch(on_change=lambda _member, alive: self.announce() if alive else None)
 
     def enter(self, episode: Episode, info: EpisodeInfo) -> None:
         """Take up an episode: from now on all that is said is of it, and others are told."""
+        self._own.add(info.run)
         self._begin(episode, info)
         self._bus.run = info.run
         self.announce()
@@ -108,6 +112,9 @@ class RobotLink:
 
     def send_readings(self, readings: Readings) -> None:
         """Publish what the sensors saw."""
+        if self._misled:
+            self._misled = False
+            self.announce()
         self._tick = readings.tick
         self._bus.publish(Sensors(self._bus.run or "", **vars(readings)))
 
@@ -187,6 +194,13 @@ class RobotLink:
         self.refused += 1
         if self.refused == 1:
             self._tell("error", f"{what}; from now on only counted")
+
+    def _on_info(self, info: EpisodeInfo) -> None:
+        """Put right what somebody else tells of this robot, with the next readings."""
+        if self._info is not None and info.run != self._info.run:
+            self._misled = True
+            if info.run not in self._own:
+                self._refused(f"an episode {info.run!r} that is not this robot's is refused")
 
     def _on_state(self, state: State) -> None:
         """Take a state; one from the future would stand in the way of all that follow."""

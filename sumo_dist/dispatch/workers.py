@@ -109,14 +109,15 @@ class Workers:
         longest_ago = sorted(willing, key=lambda name: willing[name].asked)
         return steady or {name: willing[name].pace for name in longest_ago[:FIRST]}
 
-    def to_try(self) -> str | None:
-        """Name of a worker that is due to be tried with rows that another one has as well."""
-        if not any(w.steady for w in self._workers.values()):
-            return None
-        due = time.monotonic() - PROBE_S
-        idle = {n: w for n, w in self._workers.items() if not (w.refusal or w.steady)}
-        name = min(idle, key=lambda n: idle[n].asked, default=None)
-        return name if name is not None and idle[name].asked < due else None
+    def to_try(self) -> list[str]:
+        """Names of workers that are due to be tried with a row that another one has as well.
+
+        It is one at a time; all of them while nobody has answered: who does is found at once.
+        """
+        asked, due = self.asked(), time.monotonic() - PROBE_S
+        idle = {n: w for n, w in self._workers.items() if not (w.refusal or n in asked)}
+        names = sorted((n for n in idle if idle[n].asked < due), key=lambda n: idle[n].asked)
+        return names[:1] if any(w.steady for w in self._workers.values()) else names
 
     def joined_or_left(self, member: Member, alive: bool) -> bool:
         """Take note of a member; return whether its rows must be given to others."""

@@ -83,15 +83,21 @@ class Controls:
     def operate(self, operator: Operator, tick: int) -> Ending | None:
         """Carry out what was commanded by a tick, and wait while paused; return an end, if any."""
         while True:
-            for command in operator.take(tick, PAUSED_WAIT_S if self._holds else 0.0):
-                if command.verb == "stop":
+            wait, end = PAUSED_WAIT_S if self._holds else 0.0, None
+            for command in sorted(operator.take(tick, wait), key=lambda c: c.verb != "stop"):
+                if end is not None:
+                    late = "" if command.verb == "stop" else f"the episode ends: {end.reason}"
+                    operator.answer(command, tick, late)
+                elif command.verb == "stop":
                     self._note(command, tick)
                     operator.answer(command, tick, "")
-                    return stopped(command)
-                refusal = self.apply(command, tick)
-                operator.answer(command, tick, refusal)
-                if self.following is not None:
-                    return Ending(End.REPLACED, f"{command.verb} by {command.sender}")
+                    end = stopped(command)
+                else:
+                    operator.answer(command, tick, self.apply(command, tick))
+                    if self.following is not None:
+                        end = Ending(End.REPLACED, f"{command.verb} by {command.sender}")
+            if end is not None:
+                return end
             if not self._holds:
                 self._steps -= self.paused
                 return None
@@ -176,7 +182,7 @@ class Repeater:
 
         Args:
             commands: of the recording.
-            last_tick: at which the recorded episode was interrupted; None if it ended by itself.
+            last_tick: in which the recorded episode was interrupted; None if it ended by itself.
         """
         self._left = [(c["tick"], _command(c)) for c in commands]
         self._last_tick = last_tick
@@ -185,12 +191,12 @@ class Repeater:
         """Return the commands of a tick.
 
         Raises:
-            Interrupted: the recorded episode was, here.
+            Interrupted: the recorded episode was, in its last tick or waiting in it.
         """
-        del wait
         due = [command for t, command in self._left if t == tick]
         self._left = [(t, command) for t, command in self._left if t != tick]
-        if not due and tick == self._last_tick:
+        last = self._last_tick
+        if not due and last is not None and (tick > last or (wait > 0 and tick == last)):
             raise Interrupted("as it was when it was recorded")
         return due
 

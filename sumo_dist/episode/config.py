@@ -16,6 +16,14 @@ from sumo_dist.tasks import task_source
 from sumo_dist.tasks.task import Task
 
 CLOCKS = ("lockstep", "realtime")
+# Of fields as they come from elsewhere; all others are texts.
+_KINDS = {
+    "planner": Mapping,
+    "seed": int,
+    "time_limit": float | int | None,
+    "weight": list | tuple,
+    "param": list | tuple,
+}
 
 
 @dataclass(frozen=True)
@@ -82,14 +90,15 @@ class EpisodeConfig:
             found = sorted(map(str, record)) if isinstance(record, Mapping) else record
             raise UsageError(f"an episode of another version: needs {sorted(names)}, got {found}")
         given = dict(record)
-        if not isinstance(given["planner"], Mapping):
-            raise UsageError("an episode's planner settings must be a map")
-        given["planner"] = PlannerConfig.from_settings(given["planner"])
-        try:
+        wrong = [n for n, value in given.items() if not isinstance(value, _KINDS.get(n, str))]
+        if not wrong:
             given["weight"], given["param"] = tuple(given["weight"]), tuple(given["param"])
-            return cls(**given)
-        except (TypeError, AttributeError) as error:
-            raise UsageError(f"an episode's field has a wrong type: {error}") from None
+            texts = *given["weight"], *given["param"]
+            wrong = [] if all(isinstance(text, str) for text in texts) else ["weight or param"]
+        if wrong:
+            raise UsageError(f"an episode's field has a wrong type: {', '.join(wrong)}")
+        given["planner"] = PlannerConfig.from_settings(given["planner"])
+        return cls(**given)
 
     def describe(self, problem: Problem, engine: str) -> dict[str, Any]:
         """Return the resolved config for the recording; `engine` names the one in use."""

@@ -87,7 +87,6 @@ class RealtimeLoop:
     """One episode against the wall clock.
 
     Attributes:
-        mode: "running", "paused", "stopping", "stopped" or "rising", for whoever watches.
         slipped_s: wall time by which the clock was set back because the robot came too late [s].
     """
 
@@ -117,7 +116,7 @@ class RealtimeLoop:
         self._began = self._due = 0.0  # time.monotonic() of tick 0 and of the present one
         self._asked = -1  # tick of the newest state that a question was sent with
         self._stopping: Ending | None = None  # a stop that was commanded and not yet obeyed
-        self.mode = "running"
+        self._mode = "running"
         self.slipped_s = 0.0
         self._restart()
 
@@ -126,6 +125,12 @@ class RealtimeLoop:
         self._follower = Follower(self._episode.task.actions)
         self._memory = self._episode.controller.initial_memory()
         self._memories: deque[tuple[int, np.ndarray]] = deque(maxlen=MEMORIES)
+
+    @property
+    def mode(self) -> str:
+        """One of "running", "paused", "stopping", "stopped" and "rising", for whoever watches."""
+        paused = self._mode == "running" and self._controls.paused
+        return "paused" if paused else self._mode
 
     def run(self) -> Ending:
         """Return how the episode ended."""
@@ -157,11 +162,9 @@ class RealtimeLoop:
     def _operated(self, tick: int) -> Ending | None:
         """Carry out commands; the time that the episode is paused does not count."""
         began = time.monotonic()
-        self.mode = "paused" if self._controls.paused else self.mode
         end = self._controls.operate(self._operator, tick)
         if (held := time.monotonic() - began) > SLIP_S / 2:
             self._began += held
-        self.mode = "running"
         return end
 
     def _take_plans(self) -> None:
@@ -188,7 +191,7 @@ class RealtimeLoop:
             self._asked, state = newest
             request = self._episode.request(-1, newest[0], state, memory, self._follower.plan)
             # a robot that has stopped needs no plans
-            speed = self._pace.speed if self.mode == "running" else 0.0
+            speed = self._pace.speed if self._mode == "running" else 0.0
             self._link.send_question(request, self._controls.planner, speed)
         return newest
 
@@ -210,18 +213,18 @@ class RealtimeLoop:
         again: Ending | None = end
         while again is not None:
             end = again
-            self.mode = "stopping"
+            self._mode = "stopping"
             self._tell("error", f"{end.reason}: sitting down")
             self._move(sitting_down(robot, self._guard.last))
-            self.mode = "stopped"
+            self._mode = "stopped"
             if not self._told_to_rise():
                 return end if end.kind is End.FELL else replace(end, sat_down=True)
-            self.mode = "rising"
+            self._mode = "rising"
             self._tell("warning", "told to go on: getting up")
             again = self._move(getting_up(robot, self._guard.last), watched=True)
         self._link.new_plans()  # discard the plans that were made for before the stop
         self._restart()
-        self.mode = "running"
+        self._mode = "running"
         return None
 
     def _move(self, motion: Iterator[np.ndarray], watched: bool = False) -> Ending | None:
@@ -247,7 +250,7 @@ class RealtimeLoop:
                 self._operator.answer(command, tick, "")
                 end = stopped(command)
             else:
-                self._operator.answer(command, tick, f"the robot is {self.mode}")
+                self._operator.answer(command, tick, f"the robot is {self._mode}")
         return end
 
     def _told_to_rise(self) -> bool:

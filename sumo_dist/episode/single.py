@@ -34,7 +34,7 @@ def run_single(
 
         def make_plan(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
             report = planning(request, planner)
-            episode.recording.traces.append(planning.traces)
+            episode.recording.add_traces(planning.traces)
             on_plan(report)
             return report
 
@@ -67,4 +67,6 @@ def repeat(recording: Recording, threads: int = 1) -> Recording:
     interrupted = recording.ending == End.INTERRUPTED.value
     last_tick = len(recording.states) - 1 if interrupted else None
     again, _ = run_single(config, threads, operator=Repeater(recording.operator, last_tick))
+    if interrupted:  # somewhere in its last tick
+        again.cut(len(recording.states), len(recording.plan_numbers))
     return again

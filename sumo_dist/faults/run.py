@@ -23,12 +23,12 @@ from sumo_dist.faults.occurrence import FaultOccurrence
 from sumo_dist.faults.script import Fault, Script
 from sumo_dist.faults.verdict import Outcome, RunRecord, episode_of, judge
 from sumo_dist.launch import serve
-from sumo_dist.launch.deployment import Crew, services
+from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
-from sumo_dist.wire.messages import PlanMessage, RunEnd
+from sumo_dist.wire.messages import EpisodeEnd, PlanMessage
 
 TIMEOUT_S = 180.0  # of a whole run, beside twice the time it takes by its clock
 START_S = 30.0  # a router is up by then, on a busy machine as well
@@ -121,7 +121,7 @@ class FaultRun:
         bus = stack.enter_context(Bus.dial(near, "spot", timeout=START_S))
         self._alive = bus.watch()
         bus.subscribe(PlanMessage, self._on_plan)
-        bus.subscribe(RunEnd, self._on_run_end)
+        bus.subscribe(EpisodeEnd, self._on_run_end)
         for service in planned:
             endpoint = far if service.name in script.behind else near
             self._start(replace(service, options=replace(service.options, connect=endpoint)))
@@ -181,7 +181,7 @@ class FaultRun:
             if not message.failed:
                 self._good_plan_at = time.monotonic()
 
-    def _on_run_end(self, _message: RunEnd) -> None:
+    def _on_run_end(self, _message: EpisodeEnd) -> None:
         self._ended_at = self._ended_at or time.monotonic()
 
 
@@ -193,7 +193,7 @@ def planned_services(script: Script, out: Path, endpoint: str) -> list[Service]:
     """
     speed = script.speed if script.clock == "realtime" else None
     run = episode_of(script), script.workers, 1, out, script.viewer or None
-    planned = list(services(Crew(*run, speed, script.wait), endpoint))
+    planned = list(services(Deployment(*run, speed, script.wait), endpoint))
     names = [service.name for service in planned]
     checks = [(name, names) for name in script.behind]
     targets = [*names, "router"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.ending import FAULTS
+from sumo_dist.episode.ending import End
 from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError
@@ -76,11 +76,12 @@ def judge(record: RunRecord, undisturbed: Callable[[], str]) -> Outcome:
     except SumoError as error:
         return _outcome(record, f"exit code {record.exit_code}", [*failures, str(error)])
     end = summary["end_reason"]
-    fell = end == "fell" and script.clock == "realtime"
+    fell = summary["end"] == End.FELL and script.clock == "realtime"
     without_faults = undisturbed() if fell and script.faults else ""
     failures += _wrong_end(record, end, without_faults)
     failures += unsafe(recording.targets, load_task(script.task).scene.robot)
-    sat_down = end.startswith((*FAULTS, "fell"))  # and asked for no plans from then on
+    # it sat down, and asked for no plans from then on
+    sat_down = summary["end"] in (End.FAULT, End.STOPPED, End.INTERRUPTED, End.FELL)
     until = None if sat_down else record.ended_at
     delays = [(o, resume_delay(o, record.occurrences, until)) for o in record.occurrences]
     failures += _late(script, delays) + _grown(record.growths)
@@ -182,7 +183,7 @@ def _rate(summary: dict[str, Any]) -> float:
 def _other_bits(script: Script, summary: dict[str, Any]) -> list[str]:
     """A lockstep run must have the bits of the undisturbed run in one process."""
     recording, ending = run_single(episode_of(script), threads=1)
-    if ending.reason == "interrupted":  # half a run has other digests, which prove nothing
+    if ending.kind is End.INTERRUPTED:  # half a run has other digests, which prove nothing
         raise KeyboardInterrupt
     expected = recording.plan_digest, recording.state_digest
     if (summary["plan_digest"], summary["state_digest"]) != expected:

@@ -43,8 +43,8 @@ class Recording:
             the first are here.
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         weights, parameters: per plan, (n_terms,) and (n,), that it was made with.
-        traces: per plan, (B, F, P, 3) candidate paths; empty in a distributed run, whose tracer
-            writes them to the .rrd.
+        traces: per plan, (B, F, P, 3) candidate paths, as many as costs; empty in a distributed
+            run, whose tracer writes them to the .rrd.
         late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
         targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
         commands: joint targets sent, and how many the guard had to change, by reason.
@@ -91,21 +91,31 @@ class Recording:
         self.reissued.append(report.reissued)
         self.rollouts.append(len(report.costs))
         self.knots.append(report.plan.knots)
-        costs = np.where(report.finite, report.costs, np.inf)[: self._candidates]
-        missing = max(0, self._candidates - len(costs))
-        self.costs.append(np.pad(costs, (0, missing), constant_values=np.inf))
+        costs = np.where(report.finite, report.costs, np.inf)
+        self.costs.append(self._fitted(costs, np.inf))
         self.terms.append(report.terms)
         self.weights.append(report.weights)
         self.parameters.append(report.parameters)
 
+    def add_traces(self, traces: np.ndarray) -> None:
+        """Append the candidates' paths of one plan."""
+        self.traces.append(self._fitted(traces, 0.0))
+
     def drop_unfinished(self) -> None:
         """Drop a tick or a plan of which an interrupt let only a part be appended."""
-        for names in (_TICKS, _PLANS):
-            columns = [getattr(self, name) for name in names]
-            whole = min(map(len, columns))
-            for column in columns:
-                column.cut(whole)
-        self.traces.cut(len(self.plan_numbers))
+        self.cut(*(min(len(getattr(self, name)) for name in names) for names in (_TICKS, _PLANS)))
+
+    def cut(self, ticks: int, plans: int) -> None:
+        """Drop what comes after so many ticks and plans."""
+        for names, length in ((_TICKS, ticks), ((*_PLANS, "traces"), plans)):
+            for name in names:
+                getattr(self, name).cut(length)
+
+    def _fitted(self, rows: np.ndarray, missing: float) -> np.ndarray:
+        """Rows of a plan's candidates, as many as a plan has that has all of them."""
+        rows = rows[: self._candidates]
+        lacking = [(0, self._candidates - len(rows))] + [(0, 0)] * (rows.ndim - 1)
+        return np.pad(rows, lacking, constant_values=missing)
 
     @cached_property
     def _candidates(self) -> int:

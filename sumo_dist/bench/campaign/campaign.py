@@ -40,6 +40,8 @@ class Settings:
             with it, jobs may be 0.
         plant: nominal, perturbed or hard, see `sumo-dist run --help`.
         estimator: truth or lowpass.
+        weight: weights of cost terms in place of the tasks', such as goal=80.
+        param: the tasks' parameters, such as goal=1,0.
     """
 
     trials: int = 20
@@ -53,6 +55,8 @@ class Settings:
     listen: str | None = None
     plant: str = "nominal"
     estimator: str = "truth"
+    weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
 
     def __post_init__(self) -> None:
         check_at_least(1, trials=self.trials)
@@ -75,6 +79,8 @@ class Settings:
             time_limit=self.time_limit,
             engine=self.engine,
             plant=self.plant,
+            weight=self.weight,
+            param=self.param,
         )
 
 

@@ -9,12 +9,14 @@ import numpy as np
 
 from sumo_dist.bench.layout import checked_engine
 from sumo_dist.bench.results.journal import STANDING, Trial
+from sumo_dist.episode.assemble import Episode
+from sumo_dist.episode.command import Nobody
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.single import run_planned, run_single
 from sumo_dist.episode.summary import summarise, write_summary
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
@@ -23,7 +25,6 @@ from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.provenance import provenance
 from sumo_dist.record.recording import Recording
-from sumo_dist.rollout import engine_identity
 from sumo_dist.tasks import load_task
 
 Row = dict[str, Any]
@@ -48,13 +49,10 @@ class Job:
     digest: str | None = None
 
 
-def run_alone(question: tuple[str, Mapping[str, Any], Mapping[str, Any]]) -> Row:
-    """Run a trial without a campaign around it: its variant, fields of episode and planner."""
-    variant, fields, planner = question
-    try:
-        episode = EpisodeConfig(planner=PlannerConfig.from_settings(planner), **fields)
-    except TypeError as error:
-        raise UsageError(f"an episode of another version: {error}") from None
+def run_alone(question: tuple[str, str]) -> Row:
+    """Run a trial without a campaign around it: its variant, and its episode as JSON."""
+    variant, config = question
+    episode = EpisodeConfig.from_json(config)
     trial = Trial(episode.task, episode.seed, variant)
     settings = {**common_settings(episode), **task_settings(episode)}
     about = {**trial._asdict(), **settings, "provenance": provenance()}
@@ -68,6 +66,8 @@ def run_trial(job: Job) -> Row:
     else:
         recording, ending = run_single(job.episode, threads=1)
     row = {**summarise(recording, ending), **job.settings, **outcome(job.episode, recording)}
+    if job.trial.variant == STANDING:
+        row["optimizer"] = "stand"
     if job.digest not in (None, row["state_digest"]):
         raise SumoError(
             f"{place(job)} did not repeat: its states have the digest "
@@ -83,34 +83,31 @@ def run_trial(job: Job) -> Row:
 
 def run_standing(config: EpisodeConfig) -> tuple[Recording, Ending]:
     """Run the control: nobody plans and the robot stands, so what succeeds does so by itself."""
-    problem = Problem.build(load_task(config.task), planning_options(config.planner))
-    actions = problem.task.actions
+    episode = Episode.assemble(config)
+    actions, nothing = episode.task.actions, np.zeros(0)
     knots = actions.unit(actions.default)[None].astype(np.float32)  # (1, n)
 
-    def stand(request: PlanRequest) -> PlanReport:
-        plan = Plan(request.number, request.tick, knots, config.planner.horizon, "zero")
-        nothing = np.zeros(0)
-        return PlanReport(plan, nothing, nothing.astype(bool), nothing, plan_ms=0.0, own_ms=0.0)
+    def stand(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
+        plan = Plan(request.number, request.tick, knots, planner.horizon, "zero")
+        cost = request.cost.weights, request.cost.parameters
+        return PlanReport(plan, nothing, nothing.astype(bool), nothing, *cost, 0.0, 0.0)
 
-    engine, _ = engine_identity(config.engine)
-    recording = Recording({**config.describe(problem, engine), "optimizer": "stand"})
-    return recording, run_planned(config, problem, stand, recording)
+    return episode.recording, run_planned(episode, stand, Nobody())
 
 
 def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
     """Return where an episode left off.
 
     Costs are those of the unperturbed candidate, term by term: the last plan's and the mean over
-    all plans; the distance is the object's from its goal [m], if there is one.
+    all plans; the distance is that of what has a goal from it [m].
     """
     task = load_task(episode.task)
-    referee = Referee(task, compile_model(task.scene, PLANT))
     terms = np.array(recording.terms).reshape(len(recording.terms), -1)
     names = recording.config["terms"] if terms.size else ()
-    distance = None
-    if task.goal is not None and "object" in task.frames:
-        at = referee.view(recording.states[-1]).object.pos[0, 0]
-        distance = round(float(np.linalg.norm(at - np.array(task.goal))), 4)
+    goal, distance = task.goal_position(task.table.named(episode.cost(task).parameters)), None
+    if goal is not None:
+        view = Referee(task, compile_model(task.scene, PLANT)).view(recording.states[-1])
+        distance = round(float(np.linalg.norm(view[task.goal_frame].pos[0, 0] - goal)), 4)
     return {
         "final_costs": dict(zip(names, terms[-1].tolist() if names else (), strict=True)),
         "mean_costs": dict(zip(names, terms.mean(axis=0).tolist() if names else (), strict=True)),
@@ -121,8 +118,14 @@ def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
 def common_settings(episode: EpisodeConfig) -> Row:
     """Return what all rows of a campaign share."""
     _, build = checked_engine(episode.engine)
-    plant = {"plant": episode.plant, "estimator": episode.estimator}
-    return {"planner": asdict(episode.planner), "engine_build": build, **plant}
+    names = ("plant", "estimator", "weight", "param")
+    given = {name: asdict(episode)[name] for name in names}
+    return {"planner": asdict(episode.planner), "engine_build": build, **_plain(given)}
+
+
+def _plain(settings: Mapping[str, Any]) -> Row:
+    """Return settings as JSON gives them back."""
+    return {key: list(v) if isinstance(v, tuple) else v for key, v in settings.items()}
 
 
 def task_settings(episode: EpisodeConfig) -> Row:

@@ -6,13 +6,12 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from queue import Empty
 from typing import Any
 
 from sumo_dist.bench.campaign.job import Job
 from sumo_dist.bench.campaign.processes import JobLost, Runners
-from sumo_dist.dispatch.evaluator import misfit
+from sumo_dist.dispatch.workers import misfit
 from sumo_dist.launch.launcher import dialled, listening
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
@@ -93,10 +92,9 @@ class RemoteWorker:
         raise JobLost
 
     def _request(self, job: Job) -> TrialRequest:
-        episode = {k: v for k, v in asdict(job.episode).items() if v is not None}
-        planner, run = episode.pop("planner"), self._bus.run or ""
+        run = self._bus.run or ""
         number = next(self._numbers)
-        return TrialRequest(run, self._name, number, job.trial.variant, episode, planner)
+        return TrialRequest(run, self._name, number, job.trial.variant, job.episode.to_json())
 
 
 def checked_row(job: Job, reply: TrialReply) -> tuple[Row | None, str]:

@@ -96,9 +96,8 @@ class TrialSlot:
         self, request: TrialRequest, stop: threading.Event
     ) -> tuple[TrialReply | None, TrialRequest | None]:
         """Run a trial; give it up, without an answer, for another request or the order to stop."""
-        episode = request.episode
-        log.info("%s: %s seed %s", self.name, episode.get("task"), episode.get("seed"))
-        question = request.variant, episode, request.planner
+        log.info("%s: %s", self.name, request.episode)
+        question = request.variant, request.episode
         with JobProcess(run_alone, question) as process:
             while not process.wait(WAKE_S):
                 newer = self._requests.wait(0.0)

@@ -14,21 +14,18 @@ import numpy as np
 from sumo_dist.bench.campaign.processes import processes
 from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, markdown, run_bench, say
 from sumo_dist.bench.results.stats import wilson
-from sumo_dist.episode.assemble import make_guard, make_plant
+from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import Follower
-from sumo_dist.episode.lockstep import act
-from sumo_dist.episode.referee import Referee
+from sumo_dist.episode.lockstep import follow
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.plan import Plan
-from sumo_dist.planner.planner import Planner, PlanRequest
-from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.planner.planner import Planner
 from sumo_dist.provenance import cores
-from sumo_dist.rollout import make_controller
-from sumo_dist.tasks import load_task
+from sumo_dist.rollout.interface import Engine
 from sumo_dist.timing import TICK, anchor_tick, plan_due
 
 PERIOD_MS = 50  # between plans, on average
@@ -99,36 +96,33 @@ def measure(options: Options) -> Result:
 
 def run(trial: DelayedTrial) -> tuple[str, float]:
     """Run one trial; return how it ended and its robot time [s]."""
-    config = trial.episode
-    task = load_task(config.task)
-    problem = Problem.build(task, planning_options(config.planner))
-    plant = make_plant(config, task)
-    guard, referee = make_guard(task, plant), Referee(task, plant.model, config.time_limit)
-    controller = make_controller(problem.policy, plant.model, config.engine)
-    estimate = make_estimator(config.estimator, plant.model)
-    memory, nq = controller.initial_memory(), plant.model.nq
-    with problem.engine(1, config.engine) as engine:
-        planner = LatePlanner(trial, problem, Evaluator(problem, engine, config.planner), engine)
+    episode = Episode.assemble(trial.episode)
+    body, problem = episode.body, episode.problem
+    estimate = make_estimator(trial.episode.estimator, problem.model)
+    memory = episode.controller.initial_memory()
+    with problem.engine(1, trial.episode.engine) as engine:
+        planner = LatePlanner(trial, episode, engine)
         while True:
-            state = estimate(plant.read())
-            if (verdict := referee.verdict(plant.tick, plant.state)) is not None:
-                return verdict, plant.tick * TICK
-            plan = planner.follow(plant.tick, state, memory)
-            targets, memory = act(controller, task.actions, plan, plant.tick, state, memory, nq)
-            guard.send(targets)
+            state = estimate(body.read())
+            if (ending := episode.verdict(body.tick, state)) is not None:
+                return ending.reason, body.tick * TICK
+            plan = planner.follow(body.tick, state, memory)
+            targets, memory = follow(episode, plan, body.tick, state, memory)
+            episode.guard.send(targets)
+            body.advance()
 
 
 class LatePlanner:
     """Makes plans that arrive late, each from the plan that will be followed by then."""
 
-    def __init__(
-        self, trial: DelayedTrial, problem: Problem, evaluator: Evaluator, engine: Any
-    ) -> None:
+    def __init__(self, trial: DelayedTrial, episode: Episode, engine: Engine) -> None:
         """Start with no plan under way."""
-        self._trial, self._actions, self._engine = trial, problem.task.actions, engine
+        self._trial, self._episode, self._engine = trial, episode, engine
+        self._actions = episode.task.actions
         self._planner = Planner(trial.episode.planner, self._actions, trial.episode.seed)
+        evaluator = Evaluator(episode.problem, engine, trial.episode.planner)
         self._evaluate = lambda request, _iteration, knots: evaluator(
-            request.state, request.memory, knots
+            request.state, request.memory, request.cost.parameters, knots
         )
         self._under_way: deque[tuple[int, Plan]] = deque()  # tick of arrival, plan
         self._follower = Follower(self._actions)
@@ -150,7 +144,7 @@ class LatePlanner:
         if self._trial.compensate:
             state, memory = self._forward(tick, arrival, state, memory)
             number, tick = number + self._trial.periods, arrival
-        request = PlanRequest(number, tick, state, memory, self._newest)
+        request = self._episode.request(number, tick, state, memory, self._newest)
         self._newest = self._planner.plan(request, self._evaluate).plan
         self._under_way.append((arrival, self._newest))
 

@@ -2,9 +2,10 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,19 +13,19 @@ import numpy as np
 
 from sumo_dist.bench import layout
 from sumo_dist.bench.layout import Result, say
-from sumo_dist.bench.measure.planning import in_process, request
+from sumo_dist.bench.measure.planning import MakePlan, in_process, request
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.robot_link import RobotLink
+from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
-from sumo_dist.estimate.readings import Readings
 from sumo_dist.launch import serve
-from sumo_dist.launch.deployment import Crew, services
+from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
 from sumo_dist.planner.planner import PlanRequest
-from sumo_dist.planner.report import PlanReport
 from sumo_dist.provenance import cores
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import EpisodeInfo
 
 ANSWER_S = 60.0
 WARM_UP = 5
@@ -35,7 +36,6 @@ ROWS = {  # of the table: what, and its target [ms]
     "optimizer's own time": ("services_own_ms", "<= 3"),
     "the same in one process": ("in_process_own_ms", "-"),
 }
-MakePlan = Callable[[PlanRequest], PlanReport]
 
 
 @dataclass(frozen=True)
@@ -76,43 +76,44 @@ def measure(options: Options) -> Result:
     """Make plans in this process and over Zenoh."""
     engine, _ = layout.checked_engine(options.engine)
     workers, snapshot = options.workers or cores(), Snapshot.load()
-    episode = EpisodeConfig(snapshot.task, engine=options.engine)
+    episode = Episode.assemble(EpisodeConfig(snapshot.task, engine=options.engine))
     with in_process(episode, workers) as local, over_zenoh(episode, workers) as remote:
-        here, there = interleave(snapshot, local, remote, options.plans)
+        questions = (request(episode, snapshot, number) for number in count(1))
+        here, there = interleave(questions, local, remote, options.plans)
     about = {"engine": engine, "workers": workers, "plans": options.plans}
     return {**about, **figures(here, there)}
 
 
 @contextmanager
-def over_zenoh(episode: EpisodeConfig, workers: int) -> Iterator[MakePlan]:
+def over_zenoh(episode: Episode, workers: int) -> Iterator[MakePlan]:
     """Start the services of a run and yield what asks them for plans, in the robot's place."""
     endpoint = listening("tcp/127.0.0.1:0")
-    crew = Crew(episode, workers, 1, Path(), viewer=None, speed=None, wait=ANSWER_S)
+    planned = Deployment(episode.config, workers, 1, Path(), viewer=None, speed=None, wait=ANSWER_S)
     with Launcher() as launcher:
         launcher.start(Service("router", "router", serve.Router(endpoint)))
-        *others, robot = services(crew, dialled(endpoint))
+        *others, robot = services(planned, dialled(endpoint))
         for service in others:
             launcher.start(service)
-        run, robot_name = robot.options.run, robot.options.robot
-        with Bus.dial(dialled(endpoint), robot_name, run=run) as bus:
-            link = RobotLink(
-                bus, run, ANSWER_S, threading.Event(), lambda _, line: say(line), lambda _: None
-            )
+        with Bus.dial(dialled(endpoint), robot.options.robot) as bus:
+            tell = layout.say
+            link = RobotLink(bus, ANSWER_S, threading.Event(), lambda _, s: tell(s), lambda _: None)
+            info = EpisodeInfo("bench", episode.config.to_json(), episode.problem.hash, 1)
+            link.enter(episode, info)
             _await_workers(bus, workers)
-            yield lambda request: link.ask_plan(_readings(request), request)
+            yield lambda request: link.ask_plan(request, episode.controls.planner)
 
 
 def interleave(
-    snapshot: Snapshot, local: MakePlan, remote: MakePlan, plans: int
+    questions: Iterator[PlanRequest], local: MakePlan, remote: MakePlan, plans: int
 ) -> tuple[list[Sample], list[Sample]]:
     """Make each plan both ways, taking turns in going first; they must be the same plans."""
     here, there = [], []
     for number in range(1, WARM_UP + plans + 1):
         ways = [(local, here), (remote, there)]
-        knots = []
+        knots, question = [], next(questions)
         for make_plan, samples in ways if number % 2 else reversed(ways):
             began = time.perf_counter()
-            report = make_plan(request(snapshot, number))
+            report = make_plan(question)
             samples.append(Sample((time.perf_counter() - began) * 1e3, report.own_ms))
             knots.append(report.plan.knots)
         if not np.array_equal(*knots):
@@ -156,15 +157,3 @@ def _await_workers(bus: Bus, workers: int) -> None:
         if time.monotonic() > deadline:
             raise SumoError(f"{len(members.now)} of {workers} workers came up in {ANSWER_S:g} s")
         time.sleep(0.05)
-
-
-def _readings(request: PlanRequest) -> Readings:
-    """What sensors that see the whole state would have read at the request's tick."""
-    return Readings(
-        request.tick,
-        request.state,
-        encoder_ms=np.empty(0, np.int64),
-        encoders=np.empty((0, 1)),
-        mocap_ms=np.empty(0, np.int64),
-        mocap=np.empty((0, 1, 7)),
-    )

@@ -71,35 +71,37 @@ class Walker:
     def walk(self, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, CommandGuard]]:
         """Walk at random velocities; yield the state and the guard at the end of each of them."""
         plant, memory = Plant(self._scene, self._start), self._controller.initial_memory()
-        guard = CommandGuard(self.robot, plant.model, plant.step, TICK)
+        guard = CommandGuard(self.robot, plant.model, plant.send, TICK)
         for _ in range(round(WALK_S / HOLD_S)):
             action = self._actions.default.copy()
             action[:3] = rng.uniform(self._actions.lower[:3], self._actions.upper[:3])
             command = self._actions.to_command(action)
             for _ in range(round(HOLD_S / TICK)):
-                qpos, qvel = np.split(plant.state, [self._nq])
+                qpos, qvel = np.split(plant.truth, [self._nq])
                 targets, memory = self._controller.step(qpos, qvel, command, memory)
                 guard.send(targets)
-            yield plant.state, guard
+                plant.advance()
+            yield plant.truth, guard
 
     def stop(self, state: np.ndarray, targets: np.ndarray) -> dict[str, float]:
         """Stop a robot that walks, without its state, and watch it come to rest."""
         plant, tilts, speeds, resting = Plant(self._scene, state), [], [], []
-        guard = CommandGuard(self.robot, plant.model, plant.step, TICK)
+        guard = CommandGuard(self.robot, plant.model, plant.send, TICK)
         guard.last = targets
         motion = list(sitting_down(self.robot, targets))
         motion += [motion[-1]] * (round(WATCHED_S / TICK) - len(motion))
         for joints in motion:
             guard.send(joints)
-            linear, angular = np.split(plant.state[self._nq :][:6], [3])
-            tilts.append(np.degrees(tilt(plant.state)))
+            plant.advance()
+            linear, angular = np.split(plant.truth[self._nq :][:6], [3])
+            tilts.append(np.degrees(tilt(plant.truth)))
             speeds.append(float(np.linalg.norm(linear)))
             resting.append(speeds[-1] < REST_SPEED and np.linalg.norm(angular) < REST_SPIN)
         moved = [i for i, rest in enumerate(resting) if not rest]
         return {
             "most tilt [deg]": max(tilts),
             "tilt at the end [deg]": tilts[-1],
-            "height at the end [m]": float(plant.state[2]),
+            "height at the end [m]": float(plant.truth[2]),
             "most speed of the base [m/s]": max(speeds),
             "at rest after [s]": (moved[-1] + 1) * TICK if moved else 0.0,
         }

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from sumo_dist.episode.assemble import draw_start, make_guard
+from sumo_dist.episode.assemble import draw_start
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import LowPassConfig, LowPassEstimator
 from sumo_dist.math.rotations import conjugate, multiply, to_rotation_vector
@@ -15,6 +15,7 @@ from sumo_dist.model.index import StateIndex
 from sumo_dist.plant.noise import PlantProfile
 from sumo_dist.plant.simulated import Plant
 from sumo_dist.policies import load_policy
+from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK
@@ -80,7 +81,8 @@ def walk(
     """
     task = load_task(TASK)
     plant = Plant(task.scene, _start(motion), "lowpass", profile, seed)
-    guard, policy, nq = make_guard(task, plant), load_policy("spot"), plant.model.nq
+    guard = CommandGuard(SPOT, plant.model, plant.send, TICK)
+    policy, nq = load_policy("spot"), plant.model.nq
     estimator = LowPassEstimator(plant.model, config)
     command, memory = np.array(SPOT.default_command), policy.initial_memory()
     command[:3] = VELOCITIES[motion]
@@ -88,11 +90,12 @@ def walk(
     try:
         while plant.tick * TICK < seconds:
             estimate = estimator(plant.read())
-            states.append(plant.state)
+            states.append(plant.truth)
             estimates.append(estimate)
             targets, memory = policy.step(estimate[:nq], estimate[nq:], command, memory)
             guard.send(targets)
-            if plant.state[2] < SPOT.fall_height:
+            plant.advance()
+            if plant.truth[2] < SPOT.fall_height:
                 raise SumoError("fell")
     except SumoError as error:
         reason = str(error)
