@@ -77,19 +77,22 @@ def processes(function: Callable[[J], Any], limit: int) -> Iterator[Runners[J]]:
         function: importable by name; so must be what a job is made of.
         limit: processes at a time.
     """
-    runners, started = Runners[J](), list[JobProcess]()
+    runners, running = Runners[J](), set[JobProcess]()
 
     def run(job: J) -> Any:
         with JobProcess(function, job) as process:
-            started.append(process)
-            return process.result()
+            running.add(process)
+            try:
+                return process.result()
+            finally:
+                running.discard(process)
 
     for _ in range(limit):
         runners.add(run)
     try:
         yield runners
     finally:
-        for process in started:
+        for process in [*running]:
             process.end()
 
 

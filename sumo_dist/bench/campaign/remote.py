@@ -72,6 +72,8 @@ class RemoteWorker:
 
     def __call__(self, job: Job) -> Row:
         """Ask for a trial until its row comes; JobLost if the worker leaves or refuses."""
+        if self._left.is_set():
+            raise JobLost  # it left while it had nothing to do
         if self._replies is None:
             self._replies = self._bus.inbox(TrialReply, self._name)
         request = self._request(job)

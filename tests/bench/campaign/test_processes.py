@@ -1,3 +1,4 @@
+import gc
 import os
 import signal
 import subprocess
@@ -28,6 +29,17 @@ def each(function, jobs, limit=1):
 
 def test_every_job_is_answered_once():
     assert sorted(each(abs, [-1, -2, -3], limit=2)) == [(-3, 3), (-2, 2), (-1, 1)]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs Linux")
+def test_a_job_that_is_done_leaves_no_file_open():
+    with processes(abs, 1) as runners:
+        list(runners.run_each([-1]))
+        gc.collect()
+        before = len(os.listdir("/proc/self/fd"))
+        list(runners.run_each([-1, -2, -3]))
+        gc.collect()
+        assert len(os.listdir("/proc/self/fd")) <= before
 
 
 def test_a_process_that_dies_is_told():
