@@ -68,6 +68,9 @@ COMMANDS = {
         "Measure what a robot's limits leave free and how it stops",
         "sumo_dist.bench.measure.safety",
     ),
+    "bench digests": Command(
+        "Compare the bits of lockstep runs with known ones", "sumo_dist.bench.measure.digests"
+    ),
     "bench messaging": Command(
         "Time what messaging adds to a plan", "sumo_dist.bench.measure.messaging"
     ),
