@@ -26,6 +26,7 @@ from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.rollout import engine_identity
+from sumo_dist.rollout.base import HUGE
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD, TICK, anchor_tick, plan_due
@@ -139,12 +140,13 @@ class OptimizerServer:
         self._problem: Problem | None = None
         self._engine: Engine | None = None  # rolls the robot's state forward
         self._planner: Planner | None = None
-        self._refused = 0  # questions that made no sense
+        self._refused = 0  # questions and episodes that made no sense
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
         self._forget()
 
     def _forget(self) -> None:
         """Forget the plans of an episode."""
+        self._complained = False  # of a question that makes no sense
         self._last: PlanMessage | None = None
         self._last_clock, self._last_state = "", np.empty(0)  # what the last plan was made for
         self._failing = False
@@ -180,7 +182,8 @@ class OptimizerServer:
     def refuse(self, reason: str) -> None:
         """Take note of what cannot be answered."""
         self._refused += 1
-        if self._refused == 1:
+        if not self._complained:
+            self._complained = True
             self._tell("error", f"a plan that cannot be made: {reason}; from now on only counted")
 
     def health(self) -> tuple[str, Counters]:
@@ -209,9 +212,7 @@ class OptimizerServer:
         """
         if question.run != self._bus.run or self._problem is None:
             return  # of an episode that is over, or that cannot be taken up
-        actions = self._problem.task.actions
-        if question.followed is not None and (wrong := unfollowable(question.followed, actions)):
-            raise SumoError(f"the followed plan is none of this robot: {wrong}")
+        self._check(self._problem, question)
         planner = self._turn_to(PlannerConfig.from_settings(question.settings))
         if question.clock == "realtime":
             number = self._target(question)
@@ -222,6 +223,20 @@ class OptimizerServer:
             self._bus.publish(self._last)
         elif question.number >= 0:
             self._plan_lockstep(planner, question)
+
+    def _check(self, problem: Problem, question: Question) -> None:
+        """Refuse what every worker would refuse: all of them would be left out for it."""
+        state, memory = question.state, question.memory
+        sizes = len(state), len(memory)
+        model, contract = problem.model, problem.policy.contract
+        wanted = model.nq + model.nv, contract.memory_size
+        if sizes != wanted:
+            raise SumoError(f"state and memory have {sizes} numbers, this robot's have {wanted}")
+        if not all(np.all(np.abs(numbers) <= HUGE) for numbers in (state, memory)):
+            raise SumoError(f"state or memory is beyond {HUGE:g}")
+        followed, actions = question.followed, problem.task.actions
+        if followed is not None and (wrong := unfollowable(followed, actions)):
+            raise SumoError(f"the followed plan is none of this robot: {wrong}")
 
     def _is_repeated(self, question: Question) -> bool:
         return (

@@ -86,16 +86,24 @@ class Session:
         self._claim_the_name()
         config: EpisodeConfig | None = self._options.episode
         number, code = 0, 0
-        with Heartbeat(self._bus, "robot", self.health):
+        with Heartbeat(self._bus, "robot", self.health, self._link.announce):
             while config is not None:
                 number += 1
-                ending, config = self._play(config, number)
+                try:
+                    ending, config = self._play(config, number)
+                except SumoError as error:
+                    if number == 1:
+                        raise
+                    self._tell("error", f"the next episode cannot begin: {error}")
+                    return error.exit_code
                 code = ending.exit_code
         return code
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
         mode = self._loop.mode if self._loop else self._mode
+        if self._episode is not None and mode == "running" and self._episode.controls.paused:
+            mode = "paused"
         slipped = round(self._loop.slipped_s, 2) if self._loop else 0.0
         counters: dict[str, int | float | str] = {"refused": self._link.refused}
         if self._episode is not None:

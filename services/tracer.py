@@ -73,7 +73,8 @@ class TracerOptions:
         connect: the router's endpoint.
         robot: whose episodes to show.
         viewer: "web", "native" or "none".
-        linger: keep the viewer after the last, until told to stop or it is closed.
+        linger: stay after the last episode of a session, for the next robot's as well, until told
+            to stop or the viewer is closed.
     """
 
     out: Path = Path("runs", BY_HAND)
@@ -215,7 +216,8 @@ class Tracer:
     def _enter(self, info: EpisodeInfo) -> None:
         if info.run == self._run:
             return
-        self._run, self._logger = info.run, None
+        self.flush()
+        self._run, self._logger, self.ended = info.run, None, False
         self._begin(EpisodeConfig.from_json(info.config).planner.iterations)
         self._logger = self._open_logger(info)
 
@@ -312,11 +314,9 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
             out = episode.enter_context(Outputs(info.run, file, url))
             return RunLogger(out, load_task(config.task), config, distributed=True)
 
-        _follow(Tracer(open_logger), backlog, viewer, stop)
+        _follow(Tracer(open_logger), backlog, viewer, stop, options.linger)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
-        while options.linger and viewer.running() and not stop.wait(_IDLE_S):
-            pass
 
 
 def _unused(folder: Path) -> Path:
@@ -327,21 +327,25 @@ def _unused(folder: Path) -> Path:
     )
 
 
-def _follow(tracer: Tracer, backlog: Backlog, viewer: "Viewer", stop: threading.Event) -> None:
-    """Show messages until the run has ended and all is shown."""
+def _follow(
+    tracer: Tracer, backlog: Backlog, viewer: "Viewer", stop: threading.Event, linger: bool
+) -> None:
+    """Show messages until the run has ended and all is shown; who lingers waits for the next."""
     watched, stopped = viewer.opened, None
     while stopped is None or time.monotonic() < stopped + _LAST_WORDS_S:
         if stopped is None and stop.is_set():
             stopped = time.monotonic()
         if watched and not viewer.running():
             watched = False
-            _log.warning("the viewer has ended; the run goes on and is recorded")
+            if not tracer.ended:
+                _log.warning("the viewer has ended; the run goes on and is recorded")
         item = backlog.get(_IDLE_S)
         if item is not None:
             tracer.show(item)
             continue
         tracer.flush()
-        if tracer.ended or stop.is_set():
+        lingers = linger and (watched or not viewer.opened)
+        if stop.is_set() or (tracer.ended and not lingers):
             return
     tracer.flush()
 

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.workers import misfit
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.config import PlannerConfig
@@ -186,6 +187,9 @@ class EvaluatorCache:
 
     def _evaluate(self, request: RolloutRequest) -> tuple[Evaluation, float]:
         evaluator = self._prepare(request)
+        assert self._problem is not None, "it was compiled"
+        table = self._problem.task.table
+        table.check(CostSettings(table.defaults.weights, request.parameters))
         plan = (request.run, request.number, request.iteration)
         if plan != self._plan:
             self._plan, self._answers = plan, {}

@@ -90,18 +90,3 @@ def test_a_worker_of_a_terminal_leaves_the_others_there_alone(monkeypatch, tmp_p
     monkeypatch.setattr(os, "getsid", lambda _: os.getpid() + 1)
     priority.lower_priority()
     assert not (tmp_path / "autogroup").exists()
-
-
-@pytest.mark.slow
-def test_what_the_robot_waits_for_goes_before_rollouts(run_system):
-    system = run_system(workers=1, time_limit=20.0)
-    system.after_plan(2)
-    scheduled = {
-        name: os.sched_getscheduler(process.pid) for name, process in system.processes.items()
-    }
-    first = os.SCHED_RR if permitted() else os.SCHED_OTHER
-    for name in ("router", "state-estimator", "optimizer", "robot-interface"):
-        assert scheduled[name] == first, name
-    assert scheduled["local-0"] == os.SCHED_OTHER
-    worker = system.processes["local-0"].pid
-    assert os.getpriority(os.PRIO_PROCESS, worker) >= priority.NICENESS

@@ -54,11 +54,12 @@ def _repeat(recording: Recording) -> int:
     """Return 0 if the recording repeats to the last bit, 1 if not."""
     again = repeat(recording)
     plans, states = len(recording.plan_numbers), len(recording.states)
-    same = (again.plan_digest, again.state_digest) == (
-        recording.plan_digest,
-        recording.state_digest,
+    digests = recording.plan_digest, recording.state_digest
+    numbers = all(
+        np.array_equal(getattr(recording, name), getattr(again, name))
+        for name in ("weights", "parameters")
     )
-    if same:
+    if numbers and (again.plan_digest, again.state_digest) == digests:
         print(f"{plans} plans and {states} states repeat to the last bit")
         return 0
     print(f"{plans} plans and {states} states do not repeat: {_first_difference(recording, again)}")
@@ -72,4 +73,4 @@ def _first_difference(one: Recording, other: Recording) -> str:
             return f"the states differ from tick {tick} on"
     if len(one.states) != len(other.states):
         return f"there are {len(other.states)} states"
-    return "the states are the same, the plans are not"
+    return "the states are the same; plans, weights or parameters are not"

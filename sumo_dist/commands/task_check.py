@@ -117,7 +117,7 @@ class Subject:
         return Evaluator(self.problem, engine, self.config)
 
     def costs(self, evaluator: Evaluator, state: np.ndarray, knots: np.ndarray) -> np.ndarray:
-        """(B, n_terms) weighted costs of knots (B, K, n) from a state."""
+        """(B, n_terms) weighted costs of knots (B, K, n) from a state, or from one each."""
         memory, cost = self.problem.policy.initial_memory(), self.task.table.defaults
         rollouts, physical = evaluator.roll_out(state, memory, knots)
         with np.errstate(all="ignore"):
@@ -288,9 +288,10 @@ def split(subject: Subject) -> Finding:
     jobs = [
         (subject.nudged(subject.starts[0], rng), subject.knots(PLANS, rng)) for _ in range(NUDGES)
     ]
+    starts = np.repeat([state for state, _ in jobs], PLANS, axis=0)  # of every row of one batch
     with subject.problem.engine(1) as one, subject.problem.engine(2) as two:
         whole, parts = subject.evaluator(one), subject.evaluator(two)
-        together = np.concatenate([subject.costs(whole, *job) for job in jobs])
+        together = subject.costs(whole, starts, np.concatenate([knots for _, knots in jobs]))
         pieces = [
             subject.costs(parts, state, rows)
             for state, knots in jobs

@@ -130,6 +130,8 @@ class CostTable:
             raise UsageError(
                 f"weights and parameters have shapes {sizes}, this task's have {wanted}"
             )
+        if not np.isfinite(settings.weights).all():
+            raise UsageError("a weight is not a finite number")
         for name, part in self._slices.items():
             self.parameters[name].checked(settings.parameters[part])
         return settings

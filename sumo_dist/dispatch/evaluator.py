@@ -1,6 +1,7 @@
 """Rolling out candidates on workers across the bus: shards out, costs back, nobody waited for."""
 
 import queue
+import secrets
 import threading
 import time
 from dataclasses import asdict, dataclass, field
@@ -80,7 +81,7 @@ class RemoteEvaluator:
         """Subscribe to replies and members; `tell(level, text)` hears what users should know."""
         self._bus, self._build, self._stop = bus, build, stop
         self._inbox: queue.SimpleQueue[RolloutReply | Change] = queue.SimpleQueue()
-        self._shards_sent = 0
+        self._shard = secrets.randbelow(2**50)  # the last one's; another optimizer's are others
         self._problem: Problem | None = None
         self._settings: dict[str, int | float | str] = {}
         self._deadline: float | None = None
@@ -151,11 +152,11 @@ class RemoteEvaluator:
 
     def _send(self, job: _Job, name: str, start: int, count: int, spare: bool = False) -> None:
         assert self._problem is not None, "begin() comes first"
-        self._shards_sent += 1
+        self._shard += 1
         now = time.monotonic()
         if (worker := self.workers.get(name)) is not None:
             worker.asked = now
-        job.shards[self._shards_sent] = _Shard(name, start, count, now, spare)
+        job.shards[self._shard] = _Shard(name, start, count, now, spare)
         budget = 0.0 if self._deadline is None else max(1e-3, self._deadline - now)
         request = job.request
         self._bus.publish(
@@ -164,7 +165,7 @@ class RemoteEvaluator:
                 worker=name,
                 number=request.number,
                 iteration=job.iteration,
-                shard=self._shards_sent,
+                shard=self._shard,
                 start=start,
                 task=self._problem.task.source,
                 task_hash=self._problem.hash,

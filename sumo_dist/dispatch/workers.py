@@ -136,7 +136,7 @@ class Workers:
 
     def heard(self, worker: Worker) -> None:
         """Note an answer."""
-        if worker.misses >= MISSES_TO_SUSPEND:
+        if worker.misses >= MISSES_TO_SUSPEND and worker.heard:
             self._tell("info", f"worker {worker.member.id} answers again")
         worker.misses, worker.heard = 0, time.monotonic()
 

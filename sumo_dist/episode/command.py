@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End, Ending
 from sumo_dist.errors import Interrupted, SumoError, UsageError
+from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
 
@@ -135,10 +136,18 @@ class Controls:
             case "reset":
                 self.following = self._next(self._config.task, value)
             case "task":
-                load_task(name)
+                task = load_task(name)
+                self._check_robot(task)
+                problem = Problem.build(task, planning_options(self.planner))
+                problem.engine(1, self._config.engine).close()  # else the next episode says why not
                 self.following = replace(self._next(name, value), weight=(), param=())
             case "stand" | "stop":  # it stands; a stop never comes here
                 pass
+
+    def _check_robot(self, task: Task) -> None:
+        robot, wanted = self._task.scene.robot.name, task.scene.robot.name
+        if wanted != robot:
+            raise UsageError(f"task {task.name!r} is one for {wanted}, this robot is {robot}")
 
     def _hold(self, verb: Verb, value: str) -> None:
         if verb == "step":

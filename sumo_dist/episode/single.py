@@ -64,6 +64,8 @@ def repeat(recording: Recording, threads: int = 1) -> Recording:
         UsageError: it was a realtime episode: when its plans came, no recording can repeat.
     """
     config = EpisodeConfig.of(recording.config.get("episode"))
+    if config.clock != "lockstep":
+        raise UsageError("only lockstep episodes repeat: in realtime, plans came when they came")
     interrupted = recording.ending == End.INTERRUPTED.value
     last_tick = len(recording.states) - 1 if interrupted else None
     again, _ = run_single(config, threads, operator=Repeater(recording.operator, last_tick))

@@ -15,8 +15,8 @@ class Evolution(Belief):
     Attributes:
         step: global step size; sigma is step times the root of the variances.
         variances: (K, n).
-        path: (K, n) weighted sum of the mean's moves, in steps.
-        path_white: (K, n) the same in standard deviations.
+        path: (K, n) weighted sum of the mean's moves, in steps: p_c.
+        path_white: (K, n) the same in standard deviations: p_sigma.
         generation: updates so far.
     """
 
@@ -40,9 +40,9 @@ class Rates:
     Attributes:
         weights: (mu,) of the best candidates, positive, falling, of sum one.
         mu_eff: how many equally weighted candidates they are worth.
-        path, path_white: how fast the paths forget.
-        damping: of the step size.
-        rank_one, rank_mu: learning rates of the variances.
+        path, path_white: how fast the paths forget, c_c and c_sigma.
+        damping: of the step size, d_sigma.
+        rank_one, rank_mu: learning rates of the variances, c_1 and c_mu.
     """
 
     weights: np.ndarray

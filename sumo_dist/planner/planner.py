@@ -57,7 +57,12 @@ Evaluate = Callable[[PlanRequest, int, np.ndarray], Evaluation]
 
 
 class Planner:
-    """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result."""
+    """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result.
+
+    The paper's symbols: a, the action (a spline through knots, in normalised units); mu and sigma,
+    mean and scale of the noise over its knots; g, the map to the policy's command; J, the cost of
+    a rollout s' = f(s, policy(s, g(a))).
+    """
 
     def __init__(self, config: PlannerConfig, actions: ActionSpace, seed: int) -> None:
         """Set up for an action space; noise is keyed by (seed, plan number, iteration)."""
@@ -77,21 +82,21 @@ class Planner:
     ) -> PlanResult:
         """Run the iterations of one plan; `rollouts` takes the place of the configured number."""
         config = self.config if rollouts is None else replace(self.config, rollouts=rollouts)
-        belief = Belief(self.shifted(request), self._sigma)  # (K, n)
+        belief = Belief(self.shifted(request), self._sigma)  # mu: the last plan, shifted; (K, n)
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
-            knots = sample(belief, count, rng, self._coloring)  # (B, K, n)
-            evaluation = evaluate(request, iteration, knots)
-            costs = evaluation.costs(request.cost.weights)  # (B,)
-            belief = self._optimizer.update(belief, knots, costs)
+            knots = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, K, n)
+            evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
+            costs = evaluation.costs(request.cost.weights)  # J; (B,)
+            belief = self._optimizer.update(belief, knots, costs)  # CEM: mu is the elites' mean
             row = int(np.argmin(costs))
             if costs[row] < lowest:
                 best, lowest = knots[row], costs[row]
         assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
-        plan = self._anchored(request, chosen)
+        plan = self._anchored(request, chosen)  # followed until the next one comes
         return PlanResult(plan, evaluation, request.cost, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:

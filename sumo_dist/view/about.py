@@ -11,7 +11,7 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     best = "best future" if chosen == 1 else f"{chosen} best futures"
     robot_goes = task.goal_frame == "base"
     rest = "the robot should go" if robot_goes else f"the {task.goal_frame} should come to rest"
-    ways = "blue, orange line" if task.movers else "blue line"
+    ways = "coloured lines" if task.movers else "blue line"
     whose = " and ".join(["robot", *task.movers]) if task.movers else "the robot"
     paths = ["the robot's base" if name == "base" else f"the {name}" for name in task.trails]
     trails = " and ".join(paths).replace("_", " ")

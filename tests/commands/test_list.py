@@ -13,6 +13,7 @@ def test_lists_tasks_optimizers_engines_and_settings(capsys):
     shown = capsys.readouterr().out
     for name in (*task_names(), *OPTIMIZERS, *ENGINES, *asdict(PlannerConfig())):
         assert name in shown
+    assert "success_radius             0.1  0, 1 m" in shown
 
 
 def test_lists_them_as_json(capsys):
@@ -23,6 +24,9 @@ def test_lists_them_as_json(capsys):
     assert box["robot"] == "spot"
     assert box["time_limit_s"] == 30.0
     assert box["cost"] == {"goal": 60.0, "gripper": 4.0, "velocity": 20.0, "fall": 2500.0}
+    assert list(box["parameters"]) == ["goal", "success_radius", "success_speed"]
+    goal = box["parameters"]["goal"]
+    assert (goal["default"], goal["unit"], goal["range"]) == ([0.0, 0.0], "m", [-8.0, 8.0])
     assert tuple(listing["optimizers"]) == OPTIMIZERS
     assert tuple(listing["engines"]) == ENGINES
     assert listing["settings"]["rollouts"] == PlannerConfig().rollouts

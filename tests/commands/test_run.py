@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.cli import main
+from sumo_dist.commands.run import _last_episode as last_episode
 from sumo_dist.policies.fetch import cached
 from sumo_dist.policies.manifest import pinned_policy
 from sumo_dist.record.recording import Recording
@@ -21,7 +22,7 @@ QUICK = ["--set", "rollouts=6", "--set", "horizon=0.3", "--viewer", "none"]
 FREE = ["--listen", "tcp/127.0.0.1:0"]
 KEYS = {
     *("task", "robot", "optimizer", "engine", "seed", "config_hash", "success"),
-    *("completion_time_s", "end_reason", "plans", "plan_ms_p50", "plan_ms_p99"),
+    *("completion_time_s", "end", "end_reason", "estimator", "plans", "plan_ms_p50", "plan_ms_p99"),
     *("missed_deadlines", "partial_plans", "rollouts_lost", "real_time_factor"),
     *("plan_digest", "state_digest", "versions"),
 }
@@ -91,6 +92,11 @@ def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
         (["spot/move_box", "--set", "rollouts=x"], "setting rollouts needs a value of type int"),
         (["spot/move_box", "--set", "rollouts=0"], "rollouts must be from 1 to"),
         (["spot/move_box", "--set", "horizon"], "is not of the form key=value"),
+        (["spot/move_box", "--weight", "gaol=3"], "unknown cost term 'gaol'; valid: fall, goal, "),
+        (["spot/move_box", "--weight", "goal"], "weight 'goal' is not of the form name=number"),
+        (["spot/move_box", "--param", "gaol=3"], "unknown parameter 'gaol'; valid: goal, success"),
+        (["spot/move_box", "--param", "goal=9,0"], "parameter 'goal' must be from -8 to 8 m"),
+        (["spot/move_box", "--param", "goal=1"], "parameter 'goal' needs 2 finite numbers"),
         (["spot/move_box", "--viewer", "tv"], "unknown viewer 'tv'; valid: native, none, web"),
         (["spot/move_box", "--engine", "warp"], "unknown engine 'warp'; valid: auto, fallback"),
         (["spot/move_box", "--clock", "wall"], "unknown clock 'wall'; valid: lockstep, realtime"),
@@ -113,6 +119,31 @@ def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
 )
 def test_bad_input_is_one_line_that_says_what_is_valid(capsys, tmp_path, args, message):
     assert message in refused(capsys, *args, "--out", str(tmp_path))
+
+
+def test_weights_and_parameters_are_those_of_the_run(tmp_path, capsys):
+    numbers = ["--weight", "gripper=-9", "--weight", "goal=1e-3", "--param", "goal=1,-1"]
+    args = ["--workers", "0", "--time-limit", "0.1", "--out", str(tmp_path), *numbers, *QUICK]
+    assert main(["run", "spot/move_box", *args]) == 1
+    assert capsys.readouterr().out.endswith(f"; in {tmp_path}\n")
+    recording = Recording.load(tmp_path / "run.npz")
+    assert recording.config["episode"]["weight"] == ["gripper=-9", "goal=1e-3"]
+    assert recording.config["episode"]["param"] == ["goal=1,-1"]
+    assert recording.weights[0].tolist() == [1e-3, -9.0, 20.0, 2500.0]
+    assert recording.parameters[0].tolist() == [1.0, -1.0, 0.1, 0.05]
+
+
+def test_a_run_leaves_no_episodes_of_the_one_before_in_its_folder(tmp_path):
+    """And the line at its end is of its last one."""
+    for number in ("2", "3", "12"):
+        (tmp_path / f"episode-{number}").mkdir()
+        (tmp_path / f"episode-{number}" / "summary.json").write_text("{}")
+    assert last_episode(tmp_path) == tmp_path / "episode-12"
+    (tmp_path / "episode-mine").mkdir()
+    args = ["--workers", "0", "--time-limit", "0.1", "--out", str(tmp_path), *QUICK]
+    assert main(["run", "spot/move_box", *args]) == 1
+    assert [path.name for path in tmp_path.glob("episode-*")] == ["episode-mine"]
+    assert last_episode(tmp_path) == tmp_path
 
 
 @pytest.mark.parametrize("where", ["/proc/none", "{}/a-file"])

@@ -8,7 +8,7 @@ from sumo_dist.cli import main
 from sumo_dist.commands import top
 from sumo_dist.commands.top import Board, Row, look, screen
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.health import Pulse
+from sumo_dist.wire.health import Heartbeat
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.messages import Health
 from sumo_dist.wire.session import open_router
@@ -36,7 +36,7 @@ def test_the_screen_has_a_line_a_service_and_leaves_out_zeros():
 def test_a_pulse_is_seen_with_what_its_bus_has_dropped(endpoint, capsys):
     with open_router(endpoint), Bus.dial(endpoint, "spot", run="r") as bus:
         bus.rejected["checksum"] += 3
-        with Pulse(bus, "r", "robot", lambda: ("stopped", {"sent": 12})):
+        with Heartbeat(bus, "robot", lambda: ("stopped", {"sent": 12})):
             bus.announce("robot", "main")
             assert main(["top", "--connect", endpoint, "--times", "2", "--json"]) == 0
     seen = json.loads(capsys.readouterr().out.splitlines()[-1])
@@ -47,7 +47,7 @@ def test_a_pulse_is_seen_with_what_its_bus_has_dropped(endpoint, capsys):
 
 def test_a_pulse_ends_with_its_service(endpoint):
     with open_router(endpoint), Bus.dial(endpoint, "spot") as bus:
-        with Pulse(bus, "r", "robot", lambda: ("running", {})):
+        with Heartbeat(bus, "robot", lambda: ("running", {})):
             time.sleep(0.1)
         assert not [t for t in threading.enumerate() if "_beat" in t.name]
 

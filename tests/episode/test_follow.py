@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from sumo_dist.episode.follow import STAND_RAMP_S, Follower, misfit
+from sumo_dist.episode.follow import STAND_RAMP_S, Follower, misfit, unfollowable
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.report import PlanReport
 from sumo_dist.robots.spot import spot_actions
 from sumo_dist.timing import TICK, anchor_tick
 
@@ -103,7 +105,7 @@ def test_takes_up_a_plan_after_standing(follower):
 
 def test_a_plan_that_fits_is_not_refused():
     knots = np.zeros((4, ACTIONS.size), np.float32)
-    assert misfit(Plan(3, anchor_tick(3), knots, 1.0, "linear"), ACTIONS) == ""
+    assert unfollowable(Plan(3, anchor_tick(3), knots, 1.0, "linear"), ACTIONS) == ""
 
 
 @pytest.mark.parametrize(
@@ -116,11 +118,37 @@ def test_a_plan_that_fits_is_not_refused():
     ],
 )
 def test_a_plan_that_does_not_fit_the_robot_is_refused(knots, tick, reason):
-    assert misfit(Plan(3, tick, knots(ACTIONS.size), 1.0, "linear"), ACTIONS) == reason
+    given = Plan(3, tick, knots(ACTIONS.size), 1.0, "linear")
+    assert unfollowable(given, ACTIONS) == reason
 
 
 def test_a_plan_from_far_ahead_would_keep_out_all_others():
     knots = np.zeros((4, ACTIONS.size), np.float32)
     far = Plan(1000, anchor_tick(1000), knots, 1.0, "linear")
-    assert misfit(far, ACTIONS, now=0) == "it begins 50 s from now, at most 2"
-    assert misfit(far, ACTIONS, now=2450) == ""
+    assert unfollowable(far, ACTIONS, now=0) == "it begins 50 s from now, at most 2"
+    assert unfollowable(far, ACTIONS, now=2450) == ""
+
+
+def report(terms=4, weights=4, parameters=4, nodes=4, number=3, width=ACTIONS.size):
+    given = Plan(number, anchor_tick(number), np.zeros((nodes, width), np.float32), 0.5, "linear")
+    numbers = (np.zeros(size) for size in (terms, weights, parameters))
+    return PlanReport(given, np.zeros(6), np.ones(6, bool), *numbers, plan_ms=1.0, own_ms=1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({}, ""),
+        ({"terms": 3}, "it has (3, 4, 4) terms, weights and parameters, the robot's task has "),
+        ({"weights": 5}, "it has (4, 5, 4) terms, weights and parameters"),
+        ({"parameters": 0}, "it has (4, 4, 0) terms, weights and parameters"),
+        ({"nodes": 5}, "it has 5 nodes, 4 were asked for"),
+        ({"width": 8}, "its knots have 8 numbers, this robot's actions 9"),
+        ({"number": 90}, "it begins 4 s from now, at most 2"),
+    ],
+)
+def test_a_report_is_of_the_robots_task_and_of_what_was_asked_for(move_box, change, reason):
+    """Whose numbers have other sizes would break the recording, whatever its knots are."""
+    found = misfit(report(**change), move_box, PlannerConfig(), now=7)
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sumo_dist.episode.assemble import make_guard
+from sumo_dist.episode.ending import End, Ending, fault
 from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
 from sumo_dist.math.rotations import from_rotation_vector
 from sumo_dist.model.index import StateIndex
@@ -13,6 +13,7 @@ from sumo_dist.model.settle import settled_stand
 from sumo_dist.plant.simulated import Plant
 from sumo_dist.policies import load_policy
 from sumo_dist.robots.g1 import G1
+from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.safety import tilt
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.timing import TICK
@@ -35,22 +36,22 @@ def test_a_fresh_level_state_is_fine(watch, first_state):
 
 
 def test_without_a_fresh_state_it_stops(watch, first_state):
-    assert watch.trip(0, None) == "fault: no state for 0.1 s"
-    assert watch.trip(13, (7, first_state)) == "fault: no state for 0.1 s"
+    assert watch.trip(0, None) == fault("no state for 0.1 s")
+    assert watch.trip(13, (7, first_state)) == fault("no state for 0.1 s")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_state_that_is_not_finite_stops_it(watch, first_state, value):
     first_state = first_state.copy()
     first_state[-1] = value
-    assert watch.trip(0, (0, first_state)) == "fault: the state is not finite"
+    assert watch.trip(0, (0, first_state)) == fault("the state is not finite")
 
 
 def test_a_racing_joint_stops_it(watch, first_state, plant):
     _, velocities = StateIndex(plant.model).joints(SPOT.joints)
     state = first_state.copy()
     state[velocities[4]] = -31.0
-    assert watch.trip(0, (0, state)) == "fault: a joint at 31 rad/s, at most 30"
+    assert watch.trip(0, (0, state)) == fault("a joint at 31 rad/s, at most 30")
     state[velocities[4]] = -29.0
     assert watch.trip(0, (0, state)) is None
 
@@ -59,7 +60,7 @@ def test_a_fall_is_a_lean_that_lasts(watch, first_state):
     fallen = leaning(first_state, 1.2)
     lasting = round(SPOT.safety.fall_s / TICK)
     assert [watch.trip(t, (t, fallen)) for t in range(lasting)] == [None] * lasting
-    assert watch.trip(lasting, (lasting, fallen)) == "fell"
+    assert watch.trip(lasting, (lasting, fallen)) == Ending(End.FELL)
     assert watch.trip(lasting + 1, (lasting + 1, first_state)) is None  # it has come up
     assert watch.trip(lasting + 2, (lasting + 2, fallen)) is None  # and the time starts anew
 
@@ -88,9 +89,10 @@ def wandering(task, plant, policy, seed):
             draw = np.clip(rng.normal(0.0, [1.5] * 3 + [0.5] * 6), -1.0, 1.0)
             before, after = after, task.actions.physical(draw)
         command = task.actions.to_command(before + (after - before) * (tick % 25) / 25)
-        now = plant.state
+        now = plant.truth
         targets, memory = policy.step(now[:nq], now[nq:], command, memory)
-        plant.step(targets)
+        plant.send(targets)
+        plant.advance()
         if tick > 60 and tick % 20 == 0:
             yield targets
 
@@ -104,10 +106,11 @@ def leans_when_stopped(move_box, first_state, robot):
     for seed in range(5):
         plant = Plant(move_box.scene, away)
         for targets in wandering(move_box, plant, policy, seed):
-            stopping, leans = Plant(move_box.scene, plant.state), []
+            stopping, leans = Plant(move_box.scene, plant.truth), []
             for down in sitting_down(robot, targets):
-                stopping.step(down)
-                leans.append(tilt(stopping.state))
+                stopping.send(down)
+                stopping.advance()
+                leans.append(tilt(stopping.truth))
             found.append((max(leans), leans[-1]))
     assert len(found) == 20
     return np.array(found)
@@ -132,24 +135,29 @@ def test_it_sits_down_from_any_walk_and_gets_up_again(move_box, first_state, vel
     state = first_state.copy()
     state[index.pose("box")][:2] = 9.0
     plant = Plant(move_box.scene, state)
-    guard, policy, nq = make_guard(move_box, plant), load_policy("spot"), plant.model.nq
+    guard = CommandGuard(SPOT, plant.model, plant.send, TICK)
+    policy, nq = load_policy("spot"), plant.model.nq
     command = np.array(SPOT.default_command)
+
+    def go(targets):
+        guard.send(targets)
+        plant.advance()
+        return tilt(plant.truth)
 
     def walk(ticks, velocity):
         command[:3], memory = velocity, policy.initial_memory()
         for _ in range(ticks):
-            now = plant.state
+            now = plant.truth
             targets, memory = policy.step(now[:nq], now[nq:], command, memory)
-            guard.send(targets)
-            yield tilt(plant.state)
+            yield go(targets)
 
     list(walk(100, velocity))
-    tilts = [(guard.send(t), tilt(plant.state))[1] for t in sitting_down(SPOT, guard.last)]
+    tilts = [go(targets) for targets in sitting_down(SPOT, guard.last)]
     assert max(tilts) < np.radians(45)
     assert tilts[-1] < np.radians(5)
-    assert plant.state[2] < 0.3
+    assert plant.truth[2] < 0.3
     for targets in getting_up(SPOT, guard.last):
-        guard.send(targets)
-    assert plant.state[2] > 0.25  # the servos alone do not carry it higher
+        go(targets)
+    assert plant.truth[2] > 0.25  # the servos alone do not carry it higher
     assert max(walk(150, velocity)) < np.radians(25)  # the policy takes over
-    assert plant.state[2] > 0.45
+    assert plant.truth[2] > 0.45

@@ -4,10 +4,10 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from sumo_dist.episode.ending import Ending
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.ending import End, Ending, fault
 from sumo_dist.episode.summary import one_line, read_summary, summarise, write_summary
 from sumo_dist.errors import SumoError
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
@@ -17,14 +17,12 @@ from sumo_dist.timing import anchor_tick
 CONFIG = {
     "task_name": "spot/move_box",
     "robot": "spot",
-    "optimizer": "cem",
     "engine": "native-avx2",
-    "clock": "lockstep",
-    "seed": 3,
     "config_hash": "0123",
-    "planner": asdict(PlannerConfig()),
+    "episode": asdict(EpisodeConfig("spot/move_box", seed=3, plant="hard", estimator="lowpass")),
     "versions": {"sumo-dist": "0"},
 }
+SUCCESS, TIMEOUT, FELL = Ending(End.SUCCESS), Ending(End.TIMEOUT), Ending(End.FELL)
 
 
 @pytest.fixture
@@ -40,45 +38,51 @@ def recording():
         costs, finite = np.zeros(32), np.ones(32, bool)
         recording.add_plan(
             PlanReport(
-                plan, costs, finite, np.zeros(3), plan_ms, own_ms=1.0, lost=lost, reissued=reissued
+                *(plan, costs, finite, np.zeros(4), np.ones(4), np.zeros(4), plan_ms),
+                own_ms=1.0,
+                lost=lost,
+                reissued=reissued,
             )
         )
     return recording
 
 
-@pytest.mark.parametrize(
-    ("reason", "code"),
-    [
-        ("success", 0),
-        ("timeout", 1),
-        ("fell", 1),
-        ("interrupted", 130),
-        ("fault: no answer to the request for a plan in 60 s", 3),
-        ("fault: no state for 0.2 s, the robot sat down", 3),
-    ],
-)
-def test_exit_codes_tell_success_failure_and_fault_apart(reason, code):
-    assert Ending(reason, 1.0).exit_code == code
-
-
 def test_a_solved_run_has_a_completion_time(recording):
-    summary = summarise(recording, Ending("success", wall_s=4.0))
+    summary = summarise(recording, SUCCESS.after(4.0))
     assert summary["success"] is True
     assert summary["completion_time_s"] == summary["robot_time_s"] == 1.0
     assert summary["real_time_factor"] == 0.25
     renamed = {"task": CONFIG["task_name"], **CONFIG}
-    del renamed["task_name"], renamed["planner"]
+    del renamed["task_name"], renamed["episode"]
     assert {key: summary[key] for key in renamed} == renamed
+    assert (summary["clock"], summary["seed"], summary["optimizer"]) == ("lockstep", 3, "cem")
+    assert (summary["plant"], summary["estimator"]) == ("hard", "lowpass")
 
 
 def test_a_run_that_failed_has_none(recording):
-    summary = summarise(recording, Ending("fell", wall_s=4.0))
+    summary = summarise(recording, FELL.after(4.0))
     assert (summary["success"], summary["completion_time_s"]) == (False, None)
-    assert (summary["end_reason"], summary["robot_time_s"]) == ("fell", 1.0)
+    assert (summary["end"], summary["end_reason"]) == ("fell", "fell")
+    assert summary["robot_time_s"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("ending", "end", "reason"),
+    [
+        (Ending(End.FAILURE, "tipped"), "failure", "tipped"),
+        (Ending(End.STOPPED, "ann: dog", True), "stopped", "stopped by ann: dog, the robot sat "),
+        (fault("no plan"), "fault", "fault: no plan"),
+    ],
+)
+def test_the_end_is_a_word_for_programs_and_a_reason_for_people(recording, ending, end, reason):
+    summary = summarise(recording, ending)
+    assert summary["end"] == end
+    assert summary["end_reason"].startswith(reason)
+    assert f"not solved: {reason}" in one_line(summary)
 
 
 def test_the_account_counts_what_was_lost(recording):
-    summary = summarise(recording, Ending("timeout", 1.0))
+    summary = summarise(recording, TIMEOUT.after(1.0))
     assert summary["plans"] == 4
     assert summary["plan_ms_p50"] == 25.0
     assert summary["missed_deadlines"] == 2  # plans 3 and 4 never came
@@ -92,13 +96,13 @@ def test_the_account_counts_what_was_lost(recording):
 def test_the_line_of_a_clean_run_has_no_troubles(recording):
     recording.plan_numbers = Rows(range(4))
     recording.lost = recording.reissued = Rows([0, 0, 0, 0])
-    line = one_line(summarise(recording, Ending("success", 2.0)))
+    line = one_line(summarise(recording, SUCCESS.after(2.0)))
     assert "solved in 1.0 s, 4 plans of 25 ms" in line
     assert line.endswith("0.50x real time, cem on native-avx2")
 
 
 def test_a_run_that_ended_before_it_began_is_accounted_for():
-    summary = summarise(Recording(CONFIG), Ending("fault: no answer", 60.0))
+    summary = summarise(Recording(CONFIG), fault("no answer").after(60.0))
     assert (summary["plans"], summary["robot_time_s"]) == (0, 0.0)
     assert summary["plan_ms_p50"] is None
     assert summary["real_time_factor"] == 0.0
@@ -107,20 +111,20 @@ def test_a_run_that_ended_before_it_began_is_accounted_for():
 
 
 def test_digests_name_the_bits(recording):
-    before = summarise(recording, Ending("timeout", 1.0))
-    again = summarise(recording, Ending("timeout", 1.0))
+    before = summarise(recording, TIMEOUT.after(1.0))
+    again = summarise(recording, TIMEOUT.after(1.0))
     assert before["plan_digest"] == again["plan_digest"]
     knots, states = np.array(recording.knots), np.array(recording.states)
     knots[2, 0, 0] = np.nextafter(knots[2, 0, 0], np.float32(1))
     states[7, 0] = np.nextafter(states[7, 0], 1e9)
     recording.knots, recording.states = Rows(knots), Rows(states)
-    after = summarise(recording, Ending("timeout", 1.0))
+    after = summarise(recording, TIMEOUT.after(1.0))
     assert after["plan_digest"] != before["plan_digest"]
     assert after["state_digest"] != before["state_digest"]
 
 
 def test_reads_what_was_written(recording, tmp_path):
-    summary = summarise(recording, Ending("timeout", 1.0))
+    summary = summarise(recording, TIMEOUT.after(1.0))
     write_summary(summary, tmp_path)
     assert read_summary(tmp_path) == summary
 
@@ -136,13 +140,14 @@ def test_a_missing_or_broken_summary_is_one_clear_error(tmp_path, content):
 def test_plans_of_different_sizes_are_kept_and_counted(recording, tmp_path):
     knots = np.zeros((4, 9), np.float32)
     plan = Plan(6, anchor_tick(6), knots, 1.5, "linear")
-    few = PlanReport(plan, np.zeros(5), np.ones(5, bool), np.zeros(3), 9.0, own_ms=1.0)
+    numbers = np.zeros(4), np.ones(4), np.zeros(4)
+    few = PlanReport(plan, np.zeros(5), np.ones(5, bool), *numbers, 9.0, own_ms=1.0)
     recording.add_plan(few)
     recording.save(tmp_path / "run.npz")
     again = Recording.load(tmp_path / "run.npz")
     assert list(again.rollouts) == [32, 32, 32, 32, 5]
     assert np.isfinite(again.costs[-1]).tolist() == [True] * 5 + [False] * 27
-    summary = summarise(again, Ending("timeout", wall_s=1.0))
+    summary = summarise(again, TIMEOUT.after(1.0))
     assert (summary["rollouts_per_plan_p50"], summary["rollouts_per_plan_min"]) == (32.0, 5)
 
 
@@ -150,5 +155,5 @@ def test_a_tick_and_a_plan_that_were_interrupted_are_dropped(recording):
     recording.states.append(np.zeros(3))
     recording.plan_numbers.append(6)
     recording.drop_unfinished()
-    summary = summarise(recording, Ending("interrupted", 1.0))
+    summary = summarise(recording, Ending(End.INTERRUPTED).after(1.0))
     assert (summary["plans"], summary["robot_time_s"]) == (4, 1.0)

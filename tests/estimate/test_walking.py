@@ -50,10 +50,11 @@ def walk(velocity, noise):
     rng, states, estimates, nq = np.random.default_rng(0), [], [], plant.model.nq
     for _ in range(250):
         seen = estimate(noisy(plant.read(), rng, *noise))
-        states.append(plant.state)
+        states.append(plant.truth)
         estimates.append(seen)
         targets, memory = policy.step(seen[:nq], seen[nq:], command, memory)
-        plant.step(targets)
+        plant.send(targets)
+        plant.advance()
     return StateIndex(plant.model), np.array(states), np.array(estimates)
 
 

@@ -19,7 +19,7 @@ def start(*args):
     [
         (["rollout-worker", "--connect", "foo"], "'foo' is not an endpoint; valid: tcp/HOST:PORT"),
         (["rollout-worker", "--robot", "a/b"], "robot 'a/b' is not a valid name"),
-        (["optimizer", "--task", "spot/none"], "unknown task 'spot/none'; valid: "),
+        (["optimizer", "--engine", "warp"], "unknown engine 'warp'; valid: auto, fallback"),
     ],
 )
 def test_a_service_that_cannot_start_says_why_in_one_line(args, message):

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -133,3 +134,74 @@ def test_the_hash_of_a_task_names_goal_frames_and_actions(tmp_path):
     )
     hashes = {Problem.build(each, PLANNING).hash for each in (task, *others)}
     assert len(hashes) == 4
+
+
+HELPER = """
+from sumo_dist.costs.terms import norm
+
+FACTOR = {}
+
+def far(r):
+    return FACTOR * norm(r.object.pos)
+"""
+BESIDE = """
+{}
+from dataclasses import replace
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.tasks import load_task
+
+def task():
+    box = load_task("spot/move_box")
+    return replace(box, cost=(*box.cost, CostTerm("far", {}, 1.0)))
+"""
+WAYS = {
+    "a function by name": ("from mine_helper import far", "far"),
+    "an attribute of a module": ("import mine_helper", "lambda r: mine_helper.far(r)"),
+    "a value of a module": (
+        "import mine_helper",
+        "lambda r: mine_helper.FACTOR * r.object.pos[..., 0]",
+    ),
+    "a module of another name": ("import mine_helper as h", "lambda r: h.far(r)"),
+}
+
+
+def beside(folder, factor, way):
+    folder.mkdir(exist_ok=True)
+    (folder / "mine_helper.py").write_text(HELPER.format(factor))
+    (folder / "mine.py").write_text(BESIDE.format(*WAYS[way]))
+    return str(folder / "mine.py")
+
+
+def hash_of(path):
+    return Problem.build(load_task(path), PLANNING).hash
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_a_helper_beside_the_file_says_counts(tmp_path, way):
+    first = hash_of(beside(tmp_path, 2.0, way))
+    assert hash_of(beside(tmp_path, 2.0, way)) == first
+    assert hash_of(beside(tmp_path, 3.0, way)) != first
+
+
+def test_a_helper_is_the_same_wherever_it_lies(tmp_path):
+    """Workers on other hosts have the files elsewhere."""
+    way = "a function by name"
+    hashes = {hash_of(beside(tmp_path / name, 2.0, way)) for name in ("one", "two")}
+    assert len(hashes) == 1
+
+
+@pytest.mark.parametrize("way", ["a function by name", "an attribute of a module"])
+def test_two_fresh_processes_agree_about_a_helper(tmp_path, way):
+    path = beside(tmp_path, 2.0, way)
+    code = PRINT_HASH.replace("'spot/upright_tire'", repr(path))
+    hashes = {
+        subprocess.run(
+            [sys.executable, "-P", "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+        for seed in ("1", "2")
+    }
+    assert hashes == {hash_of(path)}

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from sumo_dist.costs.table import CostSettings
 from sumo_dist.optim import OPTIMIZERS
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
@@ -10,10 +11,11 @@ from sumo_dist.robots.spot import spot_actions
 
 ACTIONS = spot_actions()
 N = ACTIONS.size
+COST = CostSettings(np.ones(1), np.empty(0))
 
 
-def request(number=0, tick=0, previous=None):
-    return PlanRequest(number, tick, np.zeros(3), np.zeros(2, np.float32), previous)
+def request(number=0, tick=0, previous=None, cost=COST):
+    return PlanRequest(number, tick, np.zeros(3), np.zeros(2, np.float32), previous, cost)
 
 
 def previous_plan():
@@ -196,3 +198,40 @@ def test_a_plan_of_fewer_rollouts_has_as_many_candidates(iterations):
     planner = Planner(PlannerConfig(iterations=iterations), ACTIONS, seed=0)
     planner.plan(request(), bowl, rollouts=9)
     assert sum(map(len, bowl.asked)) == 9
+
+
+def test_the_weights_of_the_question_decide_which_candidate_is_best():
+    """Of two terms, one for each end of the same sum."""
+
+    def ends(request, iteration, knots):
+        total = knots.sum(axis=(1, 2), dtype=float)
+        good = np.ones(len(knots), bool)
+        terms = np.stack([total, -total], axis=1)
+        return Evaluation(terms, good, good, np.empty(0, np.float32))
+
+    def chosen(*weights):
+        cost = CostSettings(np.array(weights), np.empty(0))
+        config = PlannerConfig(execute="best", rollouts=16)
+        result = Planner(config, ACTIONS, seed=0).plan(request(cost=cost), ends)
+        assert result.cost is cost
+        totals = result.evaluation.terms[:, 0]
+        return result.plan.knots.sum(dtype=float), totals.min(), totals.max()
+
+    for weights in ((1.0, 0.0), (0.0, -1.0), (2.0, 1.0)):
+        total, least, _ = chosen(*weights)
+        assert total == least
+    for weights in ((-1.0, 0.0), (0.0, 1.0), (1.0, 2.0)):
+        total, _, most = chosen(*weights)
+        assert total == most
+
+
+def test_parameters_travel_with_the_question():
+    seen = []
+
+    def look(request, iteration, knots):
+        seen.append(request.cost.parameters.tolist())
+        return evaluation(np.zeros(len(knots)))
+
+    cost = CostSettings(np.ones(1), np.array([3.0, 4.0]))
+    Planner(PlannerConfig(iterations=2), ACTIONS, seed=0).plan(request(cost=cost), look)
+    assert seen == [[3.0, 4.0]] * 2

@@ -57,27 +57,27 @@ def test_an_object_is_one_piece_and_differs_between_seeds(move_box, first_state)
     assert len(ratios) == 2
 
 
-def test_a_seed_decides_every_bit_of_a_disturbed_plant(move_box):
+def test_a_seed_decides_every_bit_of_a_disturbed_plant(move_box, go):
     def states(seed):
         config = EpisodeConfig("spot/move_box", seed, plant="hard", estimator="lowpass")
         plant, seen = make_plant(config, move_box), []
         for i in range(10):
-            plant.step(STAND + 0.02 * np.sin(i))
+            go(plant, STAND + 0.02 * np.sin(i))
             readings = plant.read()
-            seen += [plant.state, readings.encoders, readings.mocap]
+            seen += [plant.truth, readings.encoders, readings.mocap]
         return np.concatenate([np.ravel(each) for each in seen])
 
     assert np.array_equal(states(1), states(1))
     assert not np.array_equal(states(1)[:50], states(2)[:50])
 
 
-def test_the_nominal_plant_is_what_it_always_was(move_box, first_state, plant):
+def test_the_nominal_plant_is_what_it_always_was(move_box, first_state, plant, go):
     for i in range(5):
-        plant.step(STAND + 0.01 * i)
+        go(plant, STAND + 0.01 * i)
     again = Plant(move_box.scene, first_state, profile=NOMINAL, seed=9)
     for i in range(5):
-        again.step(STAND + 0.01 * i)
-    assert np.array_equal(plant.state, again.state)
+        go(again, STAND + 0.01 * i)
+    assert np.array_equal(plant.truth, again.truth)
 
 
 def test_a_command_takes_its_time_and_a_lost_one_never_comes():

@@ -24,10 +24,12 @@ def starts(move_box):
 
 
 @pytest.fixture(scope="session")
-def synthetic():
-    """Build a view of one rollout from the paths of object and gripper, each (T, 3)."""
+def synthetic(move_box):
+    """Build a view of one rollout from the paths of object and gripper, each (T, 3), and texts."""
 
-    def build(p_obj, p_grip, v_obj):
+    table = move_box.table
+
+    def build(p_obj, p_grip, v_obj, *param):
         still = np.zeros_like(v_obj)
         rot = np.broadcast_to(np.eye(3), (1, len(p_obj), 3, 3))
         velocity = np.concatenate([v_obj, still], axis=1)[None]
@@ -37,6 +39,7 @@ def synthetic():
             "gripper": Frame("gripper", p_grip[None], rot),
             "base": Frame("base", np.full((1, len(p_obj), 3), 0.5), rot),  # it stands
         }
-        return View(frames, np.zeros((1, len(p_obj), 9)))
+        parameters = table.named(table.adjusted((), param).parameters)
+        return View(frames, np.zeros((1, len(p_obj), 9)), parameters)
 
     return build

@@ -35,7 +35,7 @@ def rotations(quats):
     return out.reshape(-1, 3, 3)
 
 
-def view(p_obj, quats, v_obj, w_obj, p_grip, p_ref):
+def view(task, p_obj, quats, v_obj, w_obj, p_grip, p_ref):
     """One rollout of T steps: object, gripper and the point that the gripper is drawn to."""
     velocity = np.concatenate([v_obj, w_obj], axis=1)[None]
     rot = rotations(quats)[None]
@@ -47,13 +47,19 @@ def view(p_obj, quats, v_obj, w_obj, p_grip, p_ref):
             "base", np.full((1, len(p_obj), 3), 0.5), np.broadcast_to(np.eye(3), rot.shape)
         ),
     }
-    return View(frames, np.zeros((1, len(p_obj), 9)))
+    parameters = task.table.named(task.table.defaults.parameters)
+    return View(frames, np.zeros((1, len(p_obj), 9)), parameters)
 
 
-def still(quat, w_obj=(0.0, 0.0, 0.0)):
+def still(task, quat, w_obj=(0.0, 0.0, 0.0)):
     """A view of one step: the object in an attitude at the origin."""
     zero = np.zeros((1, 3))
-    return view(zero, np.array([quat]), zero, np.array([w_obj]), zero, zero)
+    return view(task, zero, np.array([quat]), zero, np.array([w_obj]), zero, zero)
+
+
+def total(task, r):
+    """Weighted cost of the one rollout of a view."""
+    return evaluate(task.cost, r)[0] @ task.table.defaults.weights
 
 
 def tilts(task, quats):
@@ -108,14 +114,15 @@ def test_the_cost_of_moving_is_the_papers(moving, rollout):
         + 20 * mean(norm(v_obj, axis=1)) ** 2
         + (0 if object_of(moving.name) == "box" else 50 * mean(tilts(moving, quats) > np.pi / 4))
     )
-    assert evaluate(moving.cost, view(*rollout)).sum() == pytest.approx(expected)
+    assert total(moving, view(moving, *rollout)) == pytest.approx(expected)
 
 
 def test_a_robot_that_falls_costs_the_papers_2500(task, rollout):
-    standing, fallen = view(*rollout), view(*rollout)
+    standing, fallen = view(task, *rollout), view(task, *rollout)
     fallen.base.pos[0, 3] = [0.0, 0.0, 0.17]
     more = evaluate(task.cost, fallen) - evaluate(task.cost, standing)
-    assert more.tolist() == [[0.0] * (len(task.cost) - 1) + [2500.0]]
+    assert more.tolist() == [[0.0] * (len(task.cost) - 1) + [1.0]]
+    assert (task.cost[-1].name, task.cost[-1].weight) == ("fall", 2500.0)
 
 
 def test_the_cost_of_setting_upright_is_the_papers(righting, rollout):
@@ -124,7 +131,7 @@ def test_the_cost_of_setting_upright_is_the_papers(righting, rollout):
     tilt = tilts(righting, quats)
     off = np.sin(tilt) if object_of(righting.name) == "tire" else 1 - np.cos(tilt)
     expected = 100 * mean(off) + 0.5 * mean(norm(p_grip - p_ref, axis=1))
-    assert evaluate(righting.cost, view(*rollout)).sum() == pytest.approx(expected)
+    assert total(righting, view(righting, *rollout)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("name", MOVES + UPRIGHTS)
@@ -154,29 +161,30 @@ def test_upright_is_within_0_1_rad_and_below_0_05_rad_per_s(
     axle = object_of(righting.name) == "tire"
     lean = [tilt, 0.0, 0.0] if axle else [tilt * np.cos(direction), tilt * np.sin(direction), 0.0]
     quat = from_rotation_vector(np.array(lean))
-    assert righting.success(still(quat, (0.0, spin, 0.0))).tolist() == [[solved]]
+    assert righting.success(still(righting, quat, (0.0, spin, 0.0))).tolist() == [[solved]]
 
 
 def test_a_tire_stands_however_far_it_has_rolled():
     rolled = from_rotation_vector(np.array([0.0, 2.0, 0.0]))
-    assert load_task("spot/upright_tire").success(still(rolled)).all()
-    assert not load_task("spot/upright_rack").success(still(rolled)).any()
+    tire, rack = load_task("spot/upright_tire"), load_task("spot/upright_rack")
+    assert tire.success(still(tire, rolled)).all()
+    assert not rack.success(still(rack, rolled)).any()
 
 
 @pytest.mark.parametrize("thing", OBJECTS)
 def test_what_lies_is_called_tipped_but_for_the_box(thing):
     task = load_task(f"spot/move_{thing}")
-    lying = still(from_rotation_vector(np.array([1.2, 0.0, 0.0])))
+    lying = still(task, from_rotation_vector(np.array([1.2, 0.0, 0.0])))
     assert ("tipped" in task.failure) == (thing != "box")
     if "tipped" in task.failure:
         assert task.failure["tipped"](lying).all()
-        assert not task.failure["tipped"](still(LEVEL)).any()
+        assert not task.failure["tipped"](still(task, LEVEL)).any()
 
 
 def test_what_is_8_m_away_has_left(task, rollout):
     p_obj, *others = rollout
     far = p_obj + np.array([9.0, 0.0, 0.0]) * (np.arange(6) % 2)[:, None] * 2
-    held = task.failure["left the workspace"](view(far, *others))[0]
+    held = task.failure["left the workspace"](view(task, far, *others))[0]
     assert held.tolist() == [False, True] * 3
 
 
@@ -184,10 +192,11 @@ def test_starts_are_clear_of_the_robot_and_unsolved(task, starts):
     model, index, states = starts
     data, robot = mujoco.MjData(model), model.body("body").id
     layout = ViewLayout(model, task.frames)
+    parameters = task.table.named(task.table.defaults.parameters)
     for state in states:
         data.qpos[:], data.qvel[:] = index.unpack(state)
         mujoco.mj_forward(model, data)
-        now = layout.at(data)
+        now = layout.at(data, parameters=parameters)
         assert not task.success(now).any()
         assert not any(test(now).any() for test in task.failure.values())
         for contact in data.contact:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.episode.assemble import draw_start
+from sumo_dist.episode.ending import End, Ending
 from sumo_dist.episode.referee import Referee
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
@@ -35,18 +36,18 @@ def lying(cone, model):
 def test_it_is_named_when_time_is_up_and_not_before(cone, model, lying):
     referee = Referee(cone, model)
     assert referee.verdict(LAST - 1, lying) is None
-    assert referee.verdict(LAST, lying) == "tipped"
-    assert referee.verdict(LAST, draw_start(cone, 1)) == "timeout"
+    assert referee.verdict(LAST, lying) == Ending(End.FAILURE, "tipped")
+    assert referee.verdict(LAST, draw_start(cone, 1)) == Ending(End.TIMEOUT)
 
 
 def test_the_first_of_two_is_named(cone, model, lying):
     far = lying.copy()
     far[StateIndex(model).pose("cone")][0] = 9.0
-    assert Referee(cone, model).verdict(LAST, far) == "tipped"
+    assert Referee(cone, model).verdict(LAST, far).reason == "tipped"
     only_left = replace(cone, failure={"left": cone.failure["left the workspace"]})
-    assert Referee(only_left, model).verdict(LAST, far) == "left"
+    assert Referee(only_left, model).verdict(LAST, far).reason == "left"
 
 
 def test_success_comes_first(cone, model, lying):
     solved = replace(cone, success=lambda r: np.ones((1, 1), bool))
-    assert Referee(solved, model).verdict(LAST, lying) == "success"
+    assert Referee(solved, model).verdict(LAST, lying) == Ending(End.SUCCESS)

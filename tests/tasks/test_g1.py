@@ -47,7 +47,7 @@ def random_view(task, seed=0, height=0.76):
 
     frames = {name: frame(name) for name in task.frames}
     frames["base"].pos[..., 2] = height
-    return View(frames, rng.normal(size=(1, T, len(task.actions.names))))
+    return View(frames, rng.normal(size=(1, T, len(task.actions.names))), usual(task))
 
 
 def still(task, **places):
@@ -56,7 +56,17 @@ def still(task, **places):
     for name in task.frames:
         pos = np.array(places.get(name, (0.0, 0.0, 1.0)), float).reshape(1, 1, 3)
         frames[name] = Frame(name, pos, np.eye(3).reshape(1, 1, 3, 3), np.zeros((1, 1, 6)))
-    return View(frames, np.zeros((1, 1, len(task.actions.names))))
+    return View(frames, np.zeros((1, 1, len(task.actions.names))), usual(task))
+
+
+def usual(task):
+    """The task's parameters at their defaults."""
+    return task.table.named(task.table.defaults.parameters)
+
+
+def total(task, r):
+    """Weighted cost of the one rollout of a view."""
+    return evaluate(task.cost, r)[0] @ task.table.defaults.weights
 
 
 def control(r, task):
@@ -83,7 +93,7 @@ def test_the_cost_of_pushing_is_the_papers(pushing):
         + velocity * mean(norm(thing.linvel[0], axis=1) ** 2)
         + control(r, pushing)
     )
-    assert evaluate(pushing.cost, r).sum() == pytest.approx(expected)
+    assert total(pushing, r) == pytest.approx(expected)
 
 
 def test_the_cost_of_the_door_is_the_papers():
@@ -97,12 +107,13 @@ def test_the_cost_of_the_door_is_the_papers():
         - 50 * mean(r.base.x[0, :, 0])
         + control(r, task)
     )
-    assert evaluate(task.cost, r).sum() == pytest.approx(expected)
+    assert total(task, r) == pytest.approx(expected)
 
 
 def test_a_fall_counts_once(task):
     fall = [term.name for term in task.cost].index("fall")
-    for height, cost in ((0.61, 0.0), (0.6, 2500.0)):
+    assert task.cost[fall].weight == 2500.0
+    for height, cost in ((0.61, 0.0), (0.6, 1.0)):
         assert evaluate(task.cost, random_view(task, height=height))[0, fall] == cost
 
 
@@ -143,7 +154,7 @@ def test_starts_are_apart_clear_and_unsolved(task, starts):
     for state in states:
         data.qpos[:], data.qvel[:] = index.unpack(state)
         mujoco.mj_forward(model, data)
-        now = layout.at(data, len(task.actions.names))
+        now = layout.at(data, len(task.actions.names), usual(task))
         assert not task.success(now).any()
         assert not any(test(now).any() for test in task.failure.values())
         assert all(contact.dist > -1e-3 for contact in data.contact)
@@ -185,6 +196,34 @@ def test_objects_slide_as_stated(pushing):
     floor, _ = FRICTION[pushing.name]
     way = norm(data.qpos[index.pose(body)][:2] - start)
     assert way == pytest.approx(1.0 / (2 * floor * 9.81), rel=0.15)
+
+
+def test_goals_are_parameters(task):
+    """Of the cost, of success and of the picture alike."""
+    there = task.table.named(task.table.adjusted((), ("goal=-1.5,1",)).parameters)
+    mover = task.goal_frame
+    assert mover == ("base" if task.name == "g1/door_open" else "object")
+    assert task.goal_position(there).tolist() == [-1.5, 1.0, task.goal.z]
+    goal = task.table.terms.index("goal")
+    for params, places in ((there, [-1.5, 1.0]), (usual(task), task.goal_position(usual(task)))):
+        r = still(task, **{mover: (places[0], places[1], task.goal.z)})
+        moved = View({name: r[name] for name in task.frames}, r.actions, params)
+        assert task.success(moved).all()
+        assert evaluate(task.cost, moved)[0, goal] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_door_has_a_hinge_among_the_joints_of_the_view():
+    task = load_task("g1/door_open")
+    model = compile_model(task.scene, PLANT)
+    data, layout = mujoco.MjData(model), ViewLayout(model, task.frames)
+    data.qpos[:] = StateIndex(model).unpack(draw_start(task, 0))[0]
+    opened = []
+    for angle in (0.0, -0.6):
+        data.qpos[model.joint("door/hinge").qposadr] = angle
+        mujoco.mj_kinematics(model, data)
+        opened.append(layout.at(data).joints["door/hinge"].pos.item())
+    assert opened == [0.0, -0.6]
+    assert {"door/hinge", *task.scene.robot.joints} <= set(layout.at(data).joints)
 
 
 def test_the_door_springs_shut_and_opens_away_from_the_robot():

@@ -4,10 +4,13 @@ import importlib
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sumo_dist.costs.view import View
 from sumo_dist.errors import UsageError
 from sumo_dist.tasks import load_task, task_names, task_source
+from sumo_dist.tasks.task import Goal
 
 BARREL = """
 <mujoco model="barrel">
@@ -61,9 +64,9 @@ def test_models_that_are_not_beside_the_file_come_from_the_assets(tmp_path):
 
 def test_a_changed_file_is_another_task_in_the_same_process(tmp_path):
     path = write(tmp_path, GOOD)
-    assert load_task(path).goal == (0.0, 0.0, 0.35)
+    assert load_task(path).goal == Goal("object", 0.35)
     write(tmp_path, GOOD.replace("0.35", "0.75"))
-    assert load_task(path).goal == (0.0, 0.0, 0.75)
+    assert load_task(path).goal == Goal("object", 0.75)
 
 
 @pytest.mark.parametrize(
@@ -91,6 +94,85 @@ def test_a_bad_file_is_one_line_that_says_where(tmp_path, text, reason):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(UsageError, match=r"nothing.py does not exist on this host"):
         load_task(str(tmp_path / "nothing.py"))
+
+
+HELPED = """
+from helper import HEIGHT
+from sumo_dist.tasks.spot.families import Manipuland, move
+
+def task():
+    return move(Manipuland("barrel", "barrel.xml", rest_z=HEIGHT))
+"""
+
+
+def helped(folder, height, text=HELPED):
+    path = write(folder, text)
+    (folder / "helper.py").write_text(f"HEIGHT = {height}\n")
+    return path
+
+
+def test_a_file_may_import_a_module_beside_it(tmp_path):
+    assert load_task(helped(tmp_path, 0.4)).goal == Goal("object", 0.4)
+    assert str(tmp_path) not in sys.path
+
+
+def test_modules_of_one_name_in_two_folders_do_not_mix(tmp_path):
+    one, two = helped(tmp_path / "one", 0.4), helped(tmp_path / "two", 0.5)
+    heights = [load_task(path).goal.z for path in (one, two, one, two)]
+    assert heights == [0.4, 0.5, 0.4, 0.5]
+
+
+def test_a_changed_module_is_read_again(tmp_path):
+    path = helped(tmp_path, 0.4)
+    assert load_task(path).goal.z == 0.4
+    helped(tmp_path, 0.75)
+    assert load_task(path).goal.z == 0.75
+
+
+def test_a_module_may_be_imported_late(tmp_path):
+    """Inside task(), which is called after the file was read."""
+    late = HELPED.replace("from helper import HEIGHT\n", "").replace(
+        "def task():\n", "def task():\n    from helper import HEIGHT\n"
+    )
+    assert load_task(helped(tmp_path, 0.6, late)).goal.z == 0.6
+
+
+def test_a_task_goes_on_with_the_module_it_was_loaded_with(tmp_path):
+    """Two tasks live in one worker: what one has imported is not what another finds."""
+    term = """
+import helper
+from dataclasses import replace
+import numpy as np
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.tasks import load_task
+
+def height(r):
+    return np.full(r.actions.shape[:2], helper.HEIGHT)
+
+def task():
+    return replace(load_task("spot/move_box"), cost=(CostTerm("height", height, 1.0),))
+"""
+    one = load_task(helped(tmp_path / "one", 0.4, term))
+    two = load_task(helped(tmp_path / "two", 0.5, term))
+    view = View({}, np.zeros((1, 2, 9)))
+    assert [task.cost[0].evaluate(view).tolist() for task in (one, two, one)] == [
+        [0.4],
+        [0.5],
+        [0.4],
+    ]
+
+
+def test_a_module_beside_does_not_hide_an_installed_one(tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)  # as if nobody had it yet
+    (tmp_path / "colorsys.py").write_text("raise RuntimeError('not this one')\n")
+    assert load_task(write(tmp_path, "import colorsys\n" + GOOD)).goal.z == 0.35
+
+
+def test_a_fault_in_a_module_beside_is_named_there(tmp_path):
+    path = write(tmp_path, HELPED)
+    (tmp_path / "helper.py").write_text("\n\nHEIGHT = 1 / 0\n")
+    with pytest.raises(UsageError, match=r"task file .*mine.py: helper.py, line 3: ZeroDivision"):
+        load_task(path)
 
 
 @pytest.fixture

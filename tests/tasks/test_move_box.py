@@ -13,6 +13,7 @@ from sumo_dist.costs.terms import evaluate
 from sumo_dist.episode.assemble import draw_start
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.robots.spot import SPOT
+from sumo_dist.tasks.task import Goal
 
 paths = arrays(float, (5, 3), elements=st.floats(-10, 10))
 P_GOAL = np.array([0.0, 0.0, 0.254])  # the box's centre when it rests on the origin [m]
@@ -28,7 +29,7 @@ def test_the_cost_is_the_papers(move_box, synthetic, p_obj, p_grip, v_obj):
         + 20 * v**2
     )  # fmt: skip
     terms = evaluate(move_box.cost, synthetic(p_obj, p_grip, v_obj))
-    assert terms.sum() == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert (terms @ move_box.table.defaults.weights) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_the_table_names_its_terms(move_box):
@@ -43,7 +44,10 @@ def test_the_table_names_its_terms(move_box):
 
 def test_the_limits_are_the_papers(move_box):
     assert move_box.time_limit == 30.0
-    assert move_box.goal == (0.0, 0.0, 0.254)
+    assert move_box.goal == Goal("object", 0.254)
+    assert move_box.goal_position(move_box.table.named(move_box.table.defaults.parameters)) == (
+        pytest.approx(P_GOAL)
+    )
 
 
 def test_the_planner_moves_base_and_arm(move_box):
@@ -71,6 +75,46 @@ def test_solved_is_within_0_1_m_and_below_0_05_m_per_s(
 ):
     view = synthetic((P_GOAL + offset)[None], np.zeros((1, 3)), np.array([velocity]))
     assert move_box.success(view).tolist() == [[solved]]
+
+
+@pytest.mark.parametrize(
+    ("param", "place", "solved"),
+    [
+        ("goal=1.5,-1", (1.5, -1.0, 0.254), True),
+        ("goal=1.5,-1", (0.0, 0.0, 0.254), False),
+        ("success_radius=0.5", (0.4, 0.0, 0.254), True),
+        ("success_radius=0.05", (0.06, 0.0, 0.254), False),
+        ("success_speed=0.4", (0.0, 0.0, 0.254), True),
+    ],
+)
+def test_parameters_move_the_goal_and_say_what_solved_means(
+    move_box, synthetic, param, place, solved
+):
+    speed = 0.3 if "speed" in param else 0.0
+    view = synthetic(np.array([place]), np.zeros((1, 3)), np.array([[speed, 0.0, 0.0]]), param)
+    assert move_box.success(view).tolist() == [[solved]]
+
+
+def test_the_goal_of_the_cost_is_where_the_parameter_says(move_box, synthetic):
+    paths = np.random.default_rng(0).normal(size=(3, 5, 3))
+    usual, moved = (evaluate(move_box.cost, synthetic(*paths, *p)) for p in ((), ("goal=2,-3",)))
+    goal = move_box.table.terms.index("goal")
+    assert moved[0, goal] == pytest.approx(mean(norm(paths[0] - [2, -3, 0.254], axis=1)))
+    assert np.delete(moved, goal).tolist() == np.delete(usual, goal).tolist()
+
+
+def test_a_start_is_away_from_the_goal_it_has(move_box, starts, index):
+    """A seed's start is drawn again only if it would begin nearly solved."""
+    table, box = move_box.table, index.pose("box")
+    near = [state for state in starts if norm(state[box][:2] - [1.5, 0.0]) <= 0.5]
+    assert near
+    moved = table.adjusted((), ("goal=1.5,0",)).parameters
+    seeds = range(40)
+    for seed in seeds:
+        state = draw_start(move_box, seed, moved)
+        assert norm(state[box][:2] - [1.5, 0.0]) > 0.5
+    kept = [np.array_equal(draw_start(move_box, seed, moved), starts[seed]) for seed in seeds]
+    assert 0 < sum(kept) < len(kept)
 
 
 def test_a_start_is_decided_by_its_seed(move_box, starts):

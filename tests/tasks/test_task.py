@@ -1,9 +1,14 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from sumo_dist.costs.parameters import Parameter
 from sumo_dist.errors import UsageError
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.scene import SceneObject
 from sumo_dist.tasks import load_task, task_names
+from sumo_dist.tasks.task import Goal
 
 
 @pytest.mark.parametrize("name", task_names())
@@ -30,6 +35,87 @@ def test_an_empty_cost_table_is_refused(move_box):
 
 
 def test_missing_frames_are_named(move_box):
-    with pytest.raises(UsageError, match=r"frames lack \['base', 'wheel'\]"):
-        frames = {name: ref for name, ref in move_box.frames.items() if name != "base"}
-        replace(move_box, frames=frames, trails=("gripper", "wheel"))
+    with pytest.raises(UsageError, match=r"frames lack \['wheel'\]"):
+        replace(move_box, trails=("gripper", "wheel"))
+
+
+def bare(move_box, **changes):
+    """A task that names no frames but those of its box."""
+    frames = {"object": FrameRef("body", "box")}
+    return replace(move_box, **{"frames": frames, "trails": (), **changes})
+
+
+def test_the_robots_base_is_a_frame_that_needs_no_naming(move_box):
+    task = bare(move_box)
+    assert task.frames["base"] == FrameRef("body", "body")
+    assert set(task.frames) == {"base", "object"}
+    other = {"base": FrameRef("body", "box"), "object": FrameRef("body", "box")}
+    assert bare(move_box, frames=other).frames["base"] == FrameRef("body", "box")
+
+
+def test_trails_are_of_the_gripper_and_what_is_moved(move_box):
+    assert move_box.trails == ("gripper", "object")
+    assert bare(move_box).trails == ("object",)
+    assert bare(move_box, frames={}, goal=None).trails == ("base",)
+
+
+def test_movers_are_one_frame_an_object_in_the_order_of_the_scene(move_box):
+    things = (SceneObject("box", "objects/box.xml"), SceneObject("cone", "objects/cone.xml"))
+    frames = {
+        "tip": FrameRef("site", "cone/site_object"),
+        "cone": FrameRef("body", "cone"),
+        "aim": FrameRef("body", "box"),
+        "object": FrameRef("body", "box"),
+    }
+    scene = replace(move_box.scene, objects=things)
+    task = bare(move_box, frames=frames, scene=scene)
+    assert task.movers == ("aim", "cone")  # a second frame of one body is not a second object
+    assert task.goal_frame == "object"
+    assert replace(task, goal=(1.0, 2.0, 3.0)).goal_frame == "aim"
+    assert bare(move_box, frames={}, goal=None).goal_frame == "base"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"goal": Goal("lid", 0.1)}, "unknown frame of the goal 'lid'; valid: base, object"),
+        ({"parameters": ()}, r"its Goal needs a parameter `goal` of \(x, y\)"),
+        ({"parameters": (Parameter("goal", 1.0),)}, "its Goal needs a parameter `goal`"),
+        ({"parameters": (Parameter("goal", (0.0,) * 3),)}, "its Goal needs a parameter `goal`"),
+        ({"goal": (1.0, 2.0)}, r"goal must be \(x, y, z\), got \(1.0, 2.0\)"),
+        ({"controller": "autopilot"}, "unknown controller 'autopilot'; valid: joint-targets, pol"),
+    ],
+)
+def test_bad_declarations_say_what_is_valid(move_box, change, message):
+    with pytest.raises(UsageError, match=message):
+        bare(move_box, **change)
+
+
+def test_two_parameters_of_one_name_are_refused(move_box):
+    with pytest.raises(UsageError, match=r"parameters need distinct names, got \['a', 'a'\]"):
+        _ = bare(move_box, goal=None, parameters=(Parameter("a", 1.0),) * 2).table
+
+
+def test_the_place_of_a_goal(move_box):
+    p = move_box.table.named(move_box.table.adjusted((), ("goal=1,-2",)).parameters)
+    assert move_box.goal_position(p).tolist() == [1.0, -2.0, 0.254]
+    fixed = replace(move_box, goal=(3.0, 4.0, 5.0))
+    assert fixed.goal_position(p).tolist() == [3.0, 4.0, 5.0]
+    assert replace(move_box, goal=None).goal_position(p) is None
+
+
+def test_a_task_in_words_has_its_parameters(move_box):
+    text = str(move_box)
+    assert "goal                       0,0  -8, 8 m" in text
+    assert "success_radius             0.1  0, 1 m" in text
+    assert "parameter" not in str(bare(move_box, goal=None, parameters=()))
+
+
+@pytest.mark.parametrize("name", task_names())
+def test_every_tasks_numbers_survive_as_texts(name):
+    table = load_task(name).table
+    assert table.texts(table.defaults) == ((), ())
+    weights = [f"{term}={i + 0.1}" for i, term in enumerate(table.terms)]
+    changed = table.adjusted(weights, ())
+    assert np.array_equal(changed.weights, 0.1 + np.arange(len(table.terms)))
+    assert table.adjusted(*table.texts(changed)).same(changed)

@@ -11,7 +11,7 @@ from sumo_dist.view import about
     ("name", "said"),
     [
         ("spot/move_box", ("the object should come to rest", "the way of robot and object")),
-        ("g1/box_push", ("where the robot's base and the object go", "blue, orange line")),
+        ("g1/box_push", ("where the robot's base and the object go", "coloured lines")),
         ("g1/door_open", ("the robot should go", "the right palm go", "the way of the robot so")),
     ],
 )
@@ -22,3 +22,8 @@ def test_it_names_what_there_is(name, said):
     for words in said:
         assert words.lower() in text
     assert ("object" in text) == ("object" in task.frames)
+
+
+def test_every_object_is_named(two_objects):
+    text = about.scene(two_objects, EpisodeConfig("spot/move_box"))
+    assert "the way of robot and object and cone so far" in text

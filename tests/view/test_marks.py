@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.view.marks import eye_azimuth, goal_rings, ranked
+from sumo_dist.tasks import load_task
+from sumo_dist.view.marks import eye_azimuth, goal_rings, ranked, way_colors
 
 
 def luminance(colors):
@@ -51,3 +52,12 @@ def test_the_robot_is_not_behind_what_it_stands_before(side):
 def test_a_robot_that_is_alone_is_seen_from_the_usual_side():
     here = np.array([1.0, 2.0, 0.5])
     assert eye_azimuth(here, here) == -55.0
+
+
+def test_ways_are_of_the_robot_and_of_every_object_each_in_its_colour(two_objects):
+    colors = way_colors(two_objects)
+    assert list(colors) == ["base", "object", "cone"]
+    assert len(set(colors.values())) == 3
+    alone = way_colors(load_task("spot/move_box"))
+    assert alone == {name: colors[name] for name in ("base", "object")}
+    assert list(way_colors(load_task("g1/door_open"))) == ["base"]

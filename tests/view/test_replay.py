@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from sumo_dist.episode.referee import FALL_S
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.record.rows import Rows
@@ -84,15 +83,38 @@ def test_a_file_that_cannot_be_written_is_an_error(short_run, tmp_path):
 
 
 def test_a_config_of_another_kind_is_a_usage_error(short_run, tmp_path):
-    with pytest.raises(UsageError, match="planner"):
-        to_rrd(replace(short_run, config={"task": "spot/move_box", "seed": 1}), tmp_path / "a.rrd")
+    for config in ({"task": "spot/move_box", "seed": 1}, {"episode": {"task": "spot/move_box"}}):
+        with pytest.raises(UsageError, match=r"an episode of another version: needs \['clock'"):
+            to_rrd(replace(short_run, config=config), tmp_path / "a.rrd")
 
 
-def test_the_verdict_is_the_last_event(short_run, tmp_path, read_rrd):
-    lying = short_run.states[-1].copy()
-    lying[2] = 0.1  # height of the base [m]
-    states = [*short_run.states, *[lying] * (round(FALL_S / TICK) + 2)]
-    to_rrd(replace(short_run, states=states), tmp_path / "run.rrd")
+@pytest.mark.parametrize(
+    ("ending", "said"),
+    [
+        ("timeout", "the run has ended: timeout"),
+        ("stopped by a: enough, the robot sat down", None),
+        ("", "it ends here"),  # of a run that is not over
+    ],
+)
+def test_the_ending_is_the_last_event(short_run, tmp_path, read_rrd, ending, said):
+    to_rrd(replace(short_run, ending=ending), tmp_path / "run.rrd")
     events = read_rrd(tmp_path / "run.rrd").timed["/events"]
-    assert events["TextLog:text"] == [["the run has ended: fell"]]
-    assert events["sim_time"][0].total_seconds() == pytest.approx((len(states) - 1) * TICK)
+    assert events["TextLog:text"] == [[said or f"the run has ended: {ending}"]]
+    last = (len(short_run.states) - 1) * TICK
+    assert events["sim_time"][0].total_seconds() == pytest.approx(last)
+
+
+def test_the_goal_is_drawn_where_each_plans_parameters_have_it(short_run, tmp_path, read_rrd):
+    """At the start, and again when it moves; the distance in the plot is to the one of the time."""
+    table = load_task("spot/move_box").table
+    moved = table.adjusted((), ("goal=1.5,0.5",)).parameters
+    parameters = np.array(short_run.parameters)
+    parameters[4:] = moved
+    to_rrd(replace(short_run, parameters=Rows(parameters)), tmp_path / "run.rrd")
+    rrd = read_rrd(tmp_path / "run.rrd").timed
+    points = rrd["/world/goal/point"]
+    assert np.allclose(points["Points3D:positions"], [[[0, 0, 0.254]], [[1.5, 0.5, 0.254]]])
+    times = [time.total_seconds() for time in points["sim_time"]]
+    assert times == pytest.approx([0.0, short_run.plan_ticks[4] * TICK])
+    rings = np.array(rrd["/world/goal/rings"]["LineStrips3D:strips"][1])
+    assert np.allclose(rings.mean(axis=(0, 1))[:2], [1.5, 0.5], atol=0.01)

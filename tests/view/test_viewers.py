@@ -7,7 +7,7 @@ import pytest
 import rerun as rr
 
 from sumo_dist.errors import SumoError, UsageError
-from sumo_dist.view.outputs import Outputs
+from sumo_dist.view.outputs import LiveServer, Outputs
 from sumo_dist.view.rrd_file import RrdFile
 from sumo_dist.view.viewers import Viewer, free_port
 
@@ -40,14 +40,28 @@ def test_a_file_is_shown_in_the_browser_and_nothing_is_left_behind(tmp_path):
 
 def test_a_live_server_is_what_the_page_connects_to():
     with (
-        Outputs("test", port=free_port(9876)) as out,
-        Viewer("web", out.url or "") as viewer,
+        LiveServer(free_port(9876)) as server,
+        Outputs("test", url=server.url) as out,
+        Viewer("web", server.url) as viewer,
     ):
-        assert out.url is not None and out.url.startswith("rerun+http://127.0.0.1:")
+        out.log("seen", rr.Scalars(1.0), tick=0)
+        assert server.url.startswith("rerun+http://127.0.0.1:")
         assert viewer.address is not None
-        port = out.url.split(":")[2].split("/")[0]
+        port = server.url.split(":")[2].split("/")[0]
         assert f"?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{port}%2Fproxy" in viewer.address
         assert b"<html" in page(viewer.address)
+
+
+def test_a_server_outlives_the_episodes_that_are_sent_to_it():
+    with LiveServer(free_port(9876)) as server:
+        host, port = server.url.split("//")[1].split("/")[0].split(":")
+        for episode in ("one", "two"):
+            with Outputs(episode, url=server.url) as out:
+                out.log("seen", rr.Scalars(1.0), tick=0)
+            with socket.create_connection((host, int(port)), timeout=5):
+                pass
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection((host, int(port)), timeout=5)
 
 
 def test_a_taken_port_is_avoided():

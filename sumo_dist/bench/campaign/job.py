@@ -129,8 +129,13 @@ def _plain(settings: Mapping[str, Any]) -> Row:
 
 
 def task_settings(episode: EpisodeConfig) -> Row:
-    """Return what all rows of a task share; compiles the task, so its errors come here."""
+    """Return what all rows of a task share; compiles the task, so its errors come here.
+
+    Raises:
+        UsageError: there is no such task, or the episode's weights and parameters are not its own.
+    """
     task = load_task(episode.task)
+    episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
     return {
         "time_limit_s": episode.time_limit or task.time_limit,

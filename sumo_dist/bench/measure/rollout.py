@@ -187,7 +187,7 @@ def ratios(rounds: Mapping[Variant, list[Round]]) -> dict[str, float | None]:
 def deviations(snapshot: Snapshot, rounds: Mapping[Variant, list[Round]]) -> list[dict[str, Any]]:
     """How far the object's final poses are from those of another variant."""
     index = StateIndex(problem(snapshot, FULL).model)
-    pose = index.pose(load_task(snapshot.task).frames["object"].name)
+    pose = index.pose(load_task(snapshot.task).scene.objects[0].name)
     final = {variant: of_it[-1].final[:, pose] for variant, of_it in rounds.items()}
     return [
         {"variant": variant._asdict(), "against": other._asdict()}

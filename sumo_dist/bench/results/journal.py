@@ -11,7 +11,8 @@ from sumo_dist.errors import UsageError
 PLANNED = "planned"
 STANDING = "standing"
 
-USUAL = {"plant": "nominal", "estimator": "truth"}  # of rows that do not say
+# of rows that do not say
+USUAL = {"plant": "nominal", "estimator": "truth", "weight": [], "param": []}
 _BEGINNING = '{"task": "'  # of every line
 
 

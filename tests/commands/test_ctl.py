@@ -1,0 +1,117 @@
+"""Commands from a terminal: what they say, and what comes back."""
+
+import threading
+from contextlib import contextmanager
+from typing import get_args
+
+import pytest
+
+from sumo_dist.cli import main
+from sumo_dist.commands import ctl
+from sumo_dist.dispatch.operator import BusOperator
+from sumo_dist.episode.command import Verb
+from sumo_dist.wire.bus import Bus
+
+
+@contextmanager
+def listening(router, robot, refusal=""):
+    """A robot that answers every command at tick 40, the first time it looks at it."""
+    with Bus.dial(router, robot, run="r") as bus:
+        done, came, heard = threading.Event(), threading.Event(), []
+        operator = BusOperator(bus, done, came.set)
+
+        def answer():
+            while not done.wait(0.02):
+                for command in operator.take(40, 0.0):
+                    heard.append(command)
+                    operator.answer(command, 40, refusal)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        try:
+            yield heard
+        finally:
+            done.set()
+            thread.join()
+
+
+@pytest.mark.parametrize(
+    ("words", "verb", "name", "value"),
+    [
+        (["ctl", "pause"], "pause", "", ""),
+        (["ctl", "resume"], "resume", "", ""),
+        (["ctl", "step"], "step", "", ""),
+        (["ctl", "step", "50"], "step", "", "50"),
+        (["ctl", "reset"], "reset", "", ""),
+        (["ctl", "reset", "7"], "reset", "", "7"),
+        (["ctl", "task", "spot/move_cone"], "task", "spot/move_cone", ""),
+        (["ctl", "task", "spot/move_cone", "7"], "task", "spot/move_cone", "7"),
+        (["ctl", "weight", "goal=80"], "weight", "goal", "80"),
+        (["ctl", "weight", "goal=-0.5"], "weight", "goal", "-0.5"),
+        (["ctl", "parameter", "goal=1,-2"], "parameter", "goal", "1,-2"),
+        (["ctl", "planner", "rollouts=64"], "planner", "rollouts", "64"),
+        (["ctl", "stop", "a", "dog"], "stop", "", "a dog"),
+        (["ctl", "stop"], "stop", "", ""),
+        (["ctl", "stand"], "stand", "", ""),
+        (["stop", "--reason", "a dog"], "stop", "", "a dog"),
+        (["stop"], "stop", "", ""),
+        (["resume"], "stand", "", ""),
+    ],
+)
+def test_words_become_a_command_and_the_answer_a_line(router, robot, words, verb, name, value):
+    with listening(router, robot) as heard:
+        assert main([*words, "--connect", router, "--robot", robot]) == 0
+    (command,) = heard
+    assert (command.verb, command.name, command.value) == (verb, name, value)
+
+
+def test_the_line_says_when_it_was_done(router, robot, capsys):
+    with listening(router, robot):
+        assert main(["ctl", "weight", "goal=80", "--connect", router, "--robot", robot]) == 0
+    assert capsys.readouterr().out == f"{robot}: weight at tick 40\n"
+
+
+def test_a_refusal_is_one_line_and_a_fault(router, robot, capsys):
+    with listening(router, robot, "pause first"):
+        assert main(["ctl", "step", "--connect", router, "--robot", robot]) == 3
+    err = capsys.readouterr().err
+    assert err == f"sumo-dist: {robot} refuses to step: pause first\n"
+
+
+def test_two_terminals_are_two_senders(router, robot):
+    with listening(router, robot) as heard:
+        for _ in range(2):
+            assert main(["ctl", "pause", "--connect", router, "--robot", robot]) == 0
+    assert len(heard) == 2
+    assert heard[0].sender != heard[1].sender
+
+
+def test_without_a_robot_it_gives_up_and_says_so(router, robot, capsys, monkeypatch):
+    monkeypatch.setattr(ctl, "PATIENCE_S", 0.3)
+    assert main(["ctl", "pause", "--connect", router, "--robot", robot]) == 3
+    err = capsys.readouterr().err
+    assert f"{robot} did not answer within 0.3 s: it is not at {router}" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "unknown command ''; valid: parameter, pause"),
+        (["fly"], "unknown command 'fly'; valid: parameter, pause, planner, reset"),
+        (["pause", "now"], "needs `ctl pause`, got now"),
+        (["step", "1", "2"], "needs `ctl step [TICKS]`, got 1 2"),
+        (["task"], "needs `ctl task TASK [SEED]`, got nothing"),
+        (["weight"], "needs `ctl weight NAME=VALUE`, got nothing"),
+        (["weight", "goal"], "needs `ctl weight NAME=VALUE`, got 'goal'"),
+        (["parameter", "goal", "1"], "needs `ctl parameter NAME=VALUE[,VALUE...]`, got goal 1"),
+        (["pause", "--robot", "a/b"], "robot 'a/b' is not a valid name"),
+        (["pause", "--connect", "foo"], "'foo' is not an endpoint"),
+    ],
+)
+def test_bad_words_say_what_is_valid(capsys, words, message):
+    assert main(["ctl", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_every_verb_has_its_words():
+    assert set(ctl.WORDS) == set(get_args(Verb))
