@@ -55,7 +55,9 @@ def test_a_run_that_does_not_repeat_says_from_where_on(tmp_path, capsys, short_r
     knots[3, 0, 0] = np.nextafter(knots[3, 0, 0], np.float32(1))
     replace(short_run, knots=Rows(knots)).save(tmp_path / "run.npz")
     assert main(["replay", str(tmp_path), "--repeat"]) == 1
-    assert "the states are the same; plans, weights or parameters are not" in capsys.readouterr().out
+    assert (
+        "the states are the same; plans, weights or parameters are not" in capsys.readouterr().out
+    )
 
 
 def test_a_realtime_run_cannot_be_repeated(tmp_path, capsys, short_run):

@@ -15,13 +15,16 @@ def test_a_process_is_sampled_while_it_lives(monkeypatch):
     monkeypatch.setattr(growth, "PERIOD_S", 0.0)
     monkeypatch.setattr(growth, "WARM_UP_S", 0.0)
     monitor = GrowthMonitor()
-    with subprocess.Popen(["sleep", "60"]) as process:
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdin.write(b"x\n")
+        process.stdin.flush()
+        process.stdout.readline()  # it is loaded
         for _ in range(3):
-            monitor.sample({"sleeper": process})
+            monitor.sample({"cat": process})
         process.kill()
-    monitor.sample({"sleeper": process})
+    monitor.sample({"cat": process})
     (found,) = monitor.growths()
-    assert (found.service, found.lives) == ("sleeper", 1)
+    assert (found.service, found.lives) == ("cat", 1)
     assert 0.0 < found.mb[1] < 100.0 and found.files[1] >= 1
     assert len(monitor.csv().splitlines()) == 1 + 3
 

@@ -9,49 +9,64 @@ import queue
 import threading
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from sumo_dist.dispatch.evaluator import STRIKES, RemoteEvaluator
+from sumo_dist.dispatch.evaluator import RemoteEvaluator
 from sumo_dist.dispatch.robot_link import RobotLink
+from sumo_dist.dispatch.workers import REFUSALS_TO_LEAVE_OUT
+from sumo_dist.episode.assemble import Episode
+from sumo_dist.episode.command import Controls
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.follow import Follower, misfit
+from sumo_dist.episode.follow import Follower
+from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.safety import StateWatch
 from sumo_dist.errors import SumoError
-from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
-from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
-from sumo_dist.services.estimator import Desk
-from sumo_dist.services.optimizer import Feed
+from sumo_dist.services.estimator import EstimatorServer
+from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer, QuestionSlot
 from sumo_dist.services.worker import Inbox
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import TICK, anchor_tick
 from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA, Member, alive_key
 from sumo_dist.wire.messages import (
+    Ack,
+    CommandMessage,
+    EpisodeEnd,
+    EpisodeInfo,
     Event,
     Health,
     Message,
-    Order,
     PlanMessage,
+    Question,
     RolloutReply,
     RolloutRequest,
-    RunEnd,
     Sensors,
     State,
-    Status,
     Traces,
+    TrialReply,
+    TrialRequest,
+    WorkerHealth,
 )
 
 RUN, ROBOT, WORKER = "run", "spot", "w-1"
-TERMS = len(load_task("spot/move_box").cost)
+NOW = 100  # the robot's tick
+CONFIG = EpisodeConfig("spot/move_box", planner=PlannerConfig(rollouts=8))
+COST = load_task(CONFIG.task).table.defaults
+TERMS = len(COST.weights)
 
 
 class _Sample:
@@ -70,19 +85,42 @@ class _Session:
 
     def __init__(self) -> None:
         self.callbacks: list[tuple[str, Callable[[Any], None]]] = []
-        self.on_put: Callable[[], None] = lambda: None
+        self.on_put: Callable[[str, bytes], None] = lambda _key, _payload: None
 
     def declare_subscriber(self, key: str, callback: Callable[[Any], None], **_: Any) -> None:
         self.callbacks.append((key, callback))
 
-    def declare_publisher(self, *_: Any, **__: Any) -> "_Session":
-        return self
+    def declare_publisher(self, key: str, **_: Any) -> "_Publisher":
+        return _Publisher(self, key)
 
     def liveliness(self) -> "_Session":
         return self
 
-    def put(self, _payload: bytes) -> None:
-        self.on_put()
+    def give(self, topic: str, payload: bytes) -> None:
+        """Hand a payload to everybody who listens to a topic."""
+        for key, callback in self.callbacks:
+            if topic in key.split("/")[3:4]:
+                callback(_Sample(key, payload))
+
+
+class _Publisher:
+    """Where messages of one key go."""
+
+    def __init__(self, session: _Session, key: str) -> None:
+        self._session, self._topic = session, key.split("/")[3]
+
+    def put(self, payload: bytes) -> None:
+        self._session.on_put(self._topic, payload)
+
+
+class _NoRollouts(RemoteEvaluator):
+    """Evaluates without workers: all candidates cost the same."""
+
+    def __call__(self, request: PlanRequest, iteration: int, knots: np.ndarray) -> Evaluation:
+        del iteration
+        all_of_them, terms = np.ones(len(knots), bool), np.ones((len(knots), TERMS))
+        assert len(request.cost.weights) == TERMS
+        return Evaluation(terms, all_of_them, all_of_them, np.empty(0, np.float32))
 
 
 class MessageHandlers:
@@ -99,41 +137,64 @@ class MessageHandlers:
         self.handled: set[str] = set()
         self._kinds = sorted(Message.__subclasses__(), key=lambda kind: kind.__name__)
         self._session = _Session()
-        self.bus = Bus(self._session, ROBOT, RUN)  # pyright: ignore[reportArgumentType]
-        config = EpisodeConfig("spot/move_box", planner=PlannerConfig(rollouts=8))
-        task = load_task(config.task)
-        model = compile_model(task.scene, PLANT)
-        self._actions, self._nq, size = task.actions, model.nq, model.nq + model.nv
-        self._watch = StateWatch(task.scene.robot, model.nq)
-        self._guard = CommandGuard(task.scene.robot, model, lambda _targets: None, 0.02)
-        self._link = RobotLink(
-            *(self.bus, RUN, 1.0, threading.Event(), lambda *_: None, lambda _: None),
-            lambda plan: misfit(plan, self._actions, 100),
-            size,
-        )
-        self._feed = Feed(self.bus)
-        self._desks = [Desk(kind, model) for kind in ("truth", "lowpass")]
-        self._sensors: queue.SimpleQueue[Sensors] = self.bus.inbox(Sensors)
+        self._episode = Episode.assemble(CONFIG)
+        self._start_estimators()
+        self._start_optimizer()
+        self._gather()
         self._requests = Inbox()
-        self.bus.subscribe(RolloutRequest, self._requests.put)
-        self._gather(config, Problem.build(task, planning_options(config.planner)))
+        self._bus().subscribe(RolloutRequest, self._requests.put)
+        self._start_robot()
 
-    def _gather(self, config: EpisodeConfig, problem: Problem) -> None:
-        """Let a worker join the optimizer, which has eight candidates rolled out by it."""
-        stop = threading.Event()
-        self._evaluator = RemoteEvaluator(
-            self.bus, RUN, problem, config.planner, "-", stop, lambda *_: None
-        )
-        state = np.zeros(problem.model.nq + problem.model.nv)
-        self._request = PlanRequest(4, 10, state, np.zeros(12, np.float32), None)
-        self._knots = np.zeros((8, config.planner.nodes, self._actions.size), np.float32)
+    def _bus(self, run: str | None = None, session: _Session | None = None) -> Bus:
+        return Bus(session or self._session, ROBOT, run)  # pyright: ignore[reportArgumentType]
+
+    def _start_robot(self) -> None:
+        """Let a robot begin its episode, which the others take up."""
+        task, model = self._episode.task, self._episode.problem.model
+        self._watch = StateWatch(task.scene.robot, model.nq)
+        self._guard = CommandGuard(task.scene.robot, model, lambda _targets: None, TICK)
+        on_plan = Progress(task.table.terms, lambda _line: None)
+        self._link = RobotLink(self._bus(RUN), 1.0, threading.Event(), _tell, on_plan)
+        self._session.on_put = self._published
+        info = EpisodeInfo(RUN, CONFIG.to_json(), self._episode.problem.hash, 1)
+        self._link.enter(self._episode, info)
+        self._sense()
+        self._others()
+
+    def _start_estimators(self) -> None:
+        self._estimators = {kind: EstimatorServer() for kind in ("truth", "lowpass")}
+        self._heard: queue.SimpleQueue[EpisodeInfo | Sensors] = queue.SimpleQueue()
+        bus = self._bus()
+        bus.subscribe(EpisodeInfo, self._heard.put)
+        bus.subscribe(Sensors, self._heard.put)
+
+    def _start_optimizer(self) -> None:
+        bus, stop, alone = self._bus(), threading.Event(), self._bus(session=_Session())
+        self._slot = QuestionSlot(bus)
+        evaluator = _NoRollouts(alone, "-", stop, _tell)
+        self._optimizer = OptimizerServer(OptimizerOptions(), bus, evaluator, _tell)
+
+    def _gather(self) -> None:
+        """Let a worker join an optimizer, which has eight candidates rolled out by it."""
+        self._evaluator = RemoteEvaluator(self._bus(RUN), "-", threading.Event(), _tell)
+        state, memory = np.array(self._episode.body.truth), np.zeros(12, np.float32)
+        self._request = PlanRequest(4, 10, state, memory, None, COST)
+        self._knots = np.zeros((8, CONFIG.planner.nodes, 9), np.float32)
         self._join()
 
     def _join(self) -> None:
+        """Let the worker join, as if for the first time."""
         key = alive_key(ROBOT, Member("worker", WORKER, SCHEMA, "-"))
         for declared, callback in self._session.callbacks:
             if declared.startswith("sumo/alive/"):
-                callback(_Sample(key, b"", zenoh_kind()))
+                callback(_Sample(key, b"", bus_module.zenoh.SampleKind.DELETE))
+                callback(_Sample(key, b"", bus_module.zenoh.SampleKind.PUT))
+
+    def _published(self, topic: str, payload: bytes) -> None:
+        """Take note; what the robot says of its episode reaches the others."""
+        self.handled.add(f"published {topic}")
+        if topic == EpisodeInfo.topic:
+            self._session.give(topic, payload)
 
     def seed(self, message: Message) -> bytes:
         """Return the input that stands for a message: its kind, then its packed bytes."""
@@ -161,97 +222,144 @@ class MessageHandlers:
 
     def deliver(self, kind: type[Message], payload: bytes) -> None:
         """Hand a payload to everybody who listens to its topic, and let them work on it."""
-
-        def give() -> None:
-            self._session.on_put = lambda: None
-            for key, callback in self._session.callbacks:
-                if f"/{kind.topic}" in key:
-                    callback(_Sample(key, payload))
-
+        give = partial(self._session.give, kind.topic, payload)
         if kind is RolloutReply:  # it comes while the optimizer waits for it
-            for _ in range(STRIKES):  # what is refused once may have been spoilt
-                self._session.on_put = give
+            for _ in range(REFUSALS_TO_LEAVE_OUT):  # what is refused once may have been spoilt
+                self._session.on_put = lambda _topic, _payload: self._answer(give)
                 self._plan()
+                self._session.on_put = self._published
         else:
             give()
-            self._robot()
             self._others()
+            self._robot()
+
+    def _answer(self, give: Callable[[], None]) -> None:
+        self._session.on_put = lambda _topic, _payload: None
+        give()
 
     def _plan(self) -> None:
         """Ask the worker, which has answered before the deadline or not."""
-        vars(self._evaluator)["_shards_sent"] = 0  # an input means the same whenever it comes
-        self._evaluator.reset_account(deadline=0.0)
+        self._evaluator._shard = 0  # an input means the same whenever it comes
+        self._evaluator.begin(self._episode.problem, CONFIG.planner, deadline=0.0)
         evaluation = self._evaluator(self._request, 0, self._knots)
         counted = evaluation.terms[evaluation.answered & evaluation.valid]
         assert np.isfinite(counted).all()
+        assert not np.isnan(evaluation.costs(COST.weights)).any()
         if evaluation.answered.any():
             self.handled.add("reply")
         if not self._evaluator.workers:  # left out for good, as it should be: hire it again
             self.handled.add("refusal")
             self._join()
+        self._evaluator.workers.publish_health(self._evaluator._bus)
 
     def _robot(self) -> None:
-        """What the robot does with its newest plans and state."""
-        follower = Follower(self._actions)
+        """What the robot does with its newest plans, commands and state."""
+        follower = Follower(self._episode.task.actions)
         for report in self._link.new_plans():
             follower.offer(report.plan)
+            Recording(self._episode.recording.config).add_plan(report)
             self.handled.add("plan")
-        action = follower.action(100)
+        action = follower.action(NOW)
         assert np.isfinite(action).all()
         newest = self._link.newest_state(0, 0.0)
         if newest is not None and self._watch.trip(newest[0], newest) is None:
             self.handled.add("state")
             self._guard.send(newest[1][7:26])  # as if the policy had made them of the state
         assert np.isfinite(self._guard.last).all()
-        self._link.stop_order()
-        self._link.resume_order()
+        self._obey()
+        self._sense()
+
+    def _obey(self) -> None:
+        """What the robot does with commands, and what it asks after them."""
+        episode, operator = self._episode, self._link.operator
+        for command in operator.take(NOW, 0.0):
+            refusal = episode.controls.apply(command, NOW)
+            operator.answer(command, NOW, refusal)
+            if not refusal:
+                self.handled.add(f"command {command.verb}")
+        state = self._request.state
+        request = episode.request(-1, NOW, state, self._request.memory, None)
+        self._link.send_question(request, episode.controls.planner, 1.0)
+        episode.controls = Controls(CONFIG, episode.task)
+
+    def _sense(self) -> None:
+        """Say what the sensors see, and put right what others tell of the episode."""
+        nothing = np.zeros(0, np.int64)
+        readings = Readings(
+            *(NOW, self._request.state, nothing, np.zeros((0, 38))),
+            *(nothing, np.zeros((0, 2, 7))),
+        )
+        self._link.send_readings(readings)
 
     def _others(self) -> None:
         """What estimator, optimizer and worker do."""
-        while not self._sensors.empty():
-            sensors = self._sensors.get()
-            for desk in self._desks:
-                state = desk.answer(sensors)
-                if state is not None:
-                    self.handled.add("estimate")
-                    encode(state)  # raises if it is not finite
-        pair = self._feed.wait(lambda _status: True, timeout=0.0)
-        if pair is not None and pair[1].followed is not None:
-            self.handled.add("status")
-            misfit(pair[1].followed, self._actions)
+        while not self._heard.empty():
+            self._estimate(self._heard.get())
+        info, question = self._slot.wait(timeout=0.0)
+        try:
+            if info is not None:
+                self._optimizer.enter(info)
+                self.handled.add("episode")
+            if question is not None:
+                self._optimizer.handle(question)
+        except SumoError as error:
+            self._optimizer.refuse(str(error))
+            self.handled.add("refused question")
         if self._requests.get(timeout=0.0) is not None:
             self.handled.add("request")
+
+    def _estimate(self, message: EpisodeInfo | Sensors) -> None:
+        for kind, estimator in self._estimators.items():
+            given = message
+            if isinstance(given, EpisodeInfo):
+                given = replace(given, config=given.config.replace("truth", kind))
+            state = estimator.answer(given)
+            if state is not None:
+                self.handled.add(f"{kind} estimate")
+                encode(state)  # raises if it is not finite
+
+
+def _tell(level: str, text: str) -> None:
+    """Tell nobody."""
 
 
 def samples(rng: np.random.Generator) -> list[Message]:
     """Return valid messages of every kind, as the services of this target would send them."""
     none, knots = np.zeros(0, np.int64), rng.uniform(-1, 1, (4, 9)).astype(np.float32)
-    plan = Plan(41, 102, knots, 1.5, "linear")
+    plan = Plan(40, anchor_tick(40), knots, 1.5, "linear")
     memory, state = np.zeros(12, np.float32), np.concatenate([[0, 0, 0.5, 1], rng.random(60)])
     poses = np.tile([0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0], (1, 2, 1))
-    settings = asdict(PlannerConfig(rollouts=8))
-    ok, costs = np.ones(8, bool), rng.random((8, 6))
+    settings, hash_ = asdict(CONFIG.planner), Episode.assemble(CONFIG).problem.hash
+    ok, costs = np.ones(8, bool), rng.random((8, TERMS))
+    cost = COST.weights, COST.parameters
+    commands = (
+        *(("weight", "goal", "80"), ("parameter", "goal", "1,0"), ("planner", "rollouts", "9")),
+        *(("pause", "", ""), ("reset", "", "7"), ("task", "spot/move_cone", ""), ("stop", "", "x")),
+    )
     return [
+        EpisodeInfo(RUN, CONFIG.to_json(), hash_, 1),
+        EpisodeInfo("other", replace(CONFIG, seed=2).to_json(), hash_, 2),
         Sensors(RUN, 3, state, none, np.zeros((0, 38)), none, np.zeros((0, 2, 7))),
         Sensors(RUN, 4, none.astype(float), none + 0, np.zeros((0, 38)), np.array([75]), poses),
         Sensors(RUN, 5, none.astype(float), np.array([99]), rng.random((1, 38)), none, poses[:0]),
         State(RUN, 0, state),
-        Status(RUN, 0, memory, 1, "lockstep", 1.0, plan),
-        PlanMessage.of(RUN, PlanReport(plan, costs[:, 0], ok, costs[0], 30.0, 2.0)),
+        Question(RUN, 1, 2, "lockstep", 1.0, state, memory, None, *cost, settings),
+        Question(RUN, -1, 103, "realtime", 0.5, state, memory, plan, *cost, settings),
+        Question(RUN, -1, 104, "realtime", 0.5, state, memory, plan, *cost, settings),
+        PlanMessage.of(RUN, PlanReport(plan, costs[:, 0], ok, costs[0], *cost, 30.0, 2.0)),
         RolloutRequest(
-            *(RUN, WORKER, 4, 0, 1, 0, "spot/move_box", "ab12", "-", settings),
-            *(state, memory, np.zeros((8, 4, 9), np.float32), 40.0),
+            *(RUN, WORKER, 4, 0, 1, 0, CONFIG.task, "ab12", "-", settings),
+            *(state, memory, COST.parameters, np.zeros((8, 4, 9), np.float32), 40.0),
         ),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, rng.random((8, TERMS)), ok, 30.0, ""),
+        RolloutReply(RUN, WORKER, 4, 0, 1, 0, costs, ok, 30.0, ""),
         RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "other task"),
         Traces(RUN, WORKER, 4, 0, 0, rng.random((2, 2, 25, 3)).astype(np.float32)),
         Event(RUN, "optimizer", "warning", "no workers"),
-        RunEnd(RUN, 700, "success", success=True),
-        Order(RUN, "somebody", "stop", "smoke"),
+        EpisodeEnd(RUN, 700, "success", success=True, last=True),
+        *(CommandMessage(RUN, n, "somebody", *command) for n, command in enumerate(commands)),
+        Ack(RUN, 3, "somebody", 12, "unknown task"),
         Health(RUN, "robot", "running", {"tick": 7, "load": 0.5}),
+        WorkerHealth(RUN, WORKER, "answers", 800.0, 3, 0.5),
+        TrialRequest(RUN, "w-1.0", 3, "planned", CONFIG.to_json()),
+        TrialReply(RUN, "w-1.0", 3, '{"task": "spot/move_box", "seed": 1}', ""),
     ]
-
-
-def zenoh_kind() -> Any:
-    """Kind of a liveliness sample of a member that is there."""
-    return bus_module.zenoh.SampleKind.PUT

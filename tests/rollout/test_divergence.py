@@ -43,7 +43,7 @@ def test_diverged_row_is_marked_from_its_step_on(engine, tick, tmp_path, monkeyp
     forces[1, tick] = 1e9  # an acceleration of 1e15
     result = roll_out(engine, forces)
     assert result.valid.tolist() == [True, False, True]
-    for name in ("states", "positions", "rotations"):
+    for name in ("states", "targets", "positions", "rotations"):
         array, expected = getattr(result, name), getattr(healthy, name)
         np.testing.assert_array_equal(array[[0, 2]], expected[[0, 2]])
         np.testing.assert_array_equal(array[1, :tick], expected[1, :tick])

@@ -25,6 +25,7 @@ def engine(model, policy, kind, frames):
 def test_shapes_and_names(engine, kind, model, start, frames, random_commands):
     result = engine.rollout(*start, random_commands(ROWS, TICKS))
     assert result.states.shape == (ROWS, TICKS, model.nq + model.nv)
+    assert result.targets.shape == (ROWS, TICKS, model.nu)
     assert result.positions.shape == (ROWS, TICKS, 3, 3)
     assert result.rotations.shape == (ROWS, TICKS, 3, 3, 3)
     assert result.memory.shape == (ROWS, 12)
@@ -50,6 +51,21 @@ def test_follows_a_python_loop(engine, model, policy, start, random_commands, py
     assert np.median(deviation[:, -1]) < 1e-3
     moved = np.abs(result.states[:, -1, 26:28] - state[26:28]).max()
     assert moved > 0.02  # the box was pushed, so contact was in it
+
+
+def test_targets_are_those_of_the_state_before_a_step(
+    engine, model, policy, start, random_commands
+):
+    state, memory = start
+    commands = random_commands(2, TICKS)
+    result = engine.rollout(state, memory, commands)
+    for row in range(2):
+        before, carried = state, memory
+        for tick in range(TICKS):
+            qpos, qvel = np.split(before, [model.nq])
+            expected, carried = policy.step(qpos, qvel, commands[row, tick], carried)
+            np.testing.assert_allclose(result.targets[row, tick], expected, atol=1e-4)
+            before = result.states[row, tick]
 
 
 def test_memory_continues_a_rollout(engine, start, random_commands):
@@ -95,6 +111,7 @@ def test_physics_only_holds_the_commanded_targets(model, policy, kind, start, fr
     data.qpos[:], data.qvel[:] = np.split(state, [model.nq])
     data.ctrl[:] = targets[0, 0]
     mujoco.mj_step(model, data, nstep=10)
+    np.testing.assert_array_equal(result.targets, targets)
     np.testing.assert_array_equal(result.states[0, -1], np.concatenate((data.qpos, data.qvel)))
 
 

@@ -50,11 +50,31 @@ def test_a_row_says_what_and_how(tmp_path, capsys):
     assert "| spot/move_box | 0/1 " in capsys.readouterr().out
 
 
+def test_weights_and_parameters_reach_a_trial(tmp_path):
+    usual, other = tmp_path / "usual.jsonl", tmp_path / "other.jsonl"
+    weights = ("--weight", "goal=80", "--weight", "gripper=0")
+    assert campaign(usual, "--trials", "1") == 0
+    assert campaign(other, "--trials", "1", *weights, "--param", "goal=1,0") == 0
+    (before,), (after,) = rows(usual), rows(other)
+    assert (before["weight"], before["param"]) == ([], [])
+    assert (after["weight"], after["param"]) == (["goal=80", "gripper=0"], ["goal=1,0"])
+    assert before["final_costs"]["gripper"] > 0
+    assert after["final_costs"]["gripper"] == 0
+    distance = after["final_goal_distance_m"]
+    assert abs(distance - before["final_goal_distance_m"]) > 0.1
+    assert after["final_costs"]["goal"] == pytest.approx(80 * distance, rel=1e-3)
+    assert after["config_hash"] == before["config_hash"]  # a plan's question says the rest
+    assert campaign(other, "--trials", "1", *weights, "--param", "goal=1,0") == 0  # it goes on
+    assert campaign(other, "--trials", "1", *weights) == 2
+
+
 @pytest.mark.parametrize(
     ("args", "said"),
     [
         (("--set", "rollouts=5"), "rollouts is 4 there and 5 here"),
         (("--time-limit", "0.3"), "time_limit_s is 0.2 there and 0.3 here"),
+        (("--weight", "goal=80"), "weight is [] there and ['goal=80'] here"),
+        (("--param", "goal=1,0"), "param is [] there and ['goal=1,0'] here"),
     ],
 )
 def test_a_file_of_other_settings_is_refused(tmp_path, capsys, args, said):
@@ -71,6 +91,8 @@ def test_a_file_of_other_settings_is_refused(tmp_path, capsys, args, said):
         (("--trials", "0"), "trials must be at least 1"),
         (("--jobs", "0"), "jobs must be at least 1"),
         (("--engine", "diesel"), "unknown engine 'diesel'; valid: auto"),
+        (("--weight", "gaol=80"), "unknown cost term 'gaol'; valid: fall, goal,"),
+        (("--param", "goal=1"), "parameter 'goal' needs 2 finite numbers"),
     ],
 )
 def test_bad_options_are_named(tmp_path, capsys, args, said):

@@ -61,10 +61,11 @@ def test_remote_workers_make_the_table_of_local_processes(tmp_path, capfd):
     endpoint = listening("tcp/127.0.0.1:0")
     here, there = tmp_path / "here.jsonl", tmp_path / "there.jsonl"
     local = ("bench", "episodes", "--tasks", "spot/move_box", "--out", str(here))
-    assert main([*local, "--trials", "6", *SMALL]) == 0
+    settings = ("--trials", "6", *SMALL, "--weight", "goal=80", "--param", "goal=1,0")
+    assert main([*local, *settings]) == 0
     table = capfd.readouterr().out
 
-    remote = command(there, endpoint, "--trials", "6", *SMALL, "--jobs", "0")
+    remote = command(there, endpoint, *settings, "--jobs", "0")
     with in_thread(*remote) as codes, ExitStack() as stack:
         stack.enter_context(trial_worker(endpoint, "portable", "--engine", "native-portable"))
         doomed = stack.enter_context(trial_worker(endpoint, "doomed"))

@@ -81,7 +81,8 @@ def test_recordings_are_made_afterwards_and_must_repeat(tmp_path, capsys):
 def test_the_command_of_a_report_asks_for_the_same():
     line = (
         "paper-analysis --out 'my results' --trials 3 --set rollouts=16 --set nodes=5 "
-        "--optimizer mppi --time-limit 2.5 --recordings all"
+        "--optimizer mppi --time-limit 2.5 --recordings all --weight goal=80 --weight fall=9 "
+        "--param goal=1,0"
     )
     options = tyro.cli(suite.Options, args=shlex.split(line))
     words = shlex.split(suite.command(options))
@@ -108,11 +109,13 @@ def test_a_suite_knows_its_ten_tasks_and_controls():
         (("paper-analysis", "--tasks", "spot/juggle"), "unknown task of paper-analysis"),
         (("paper-analysis", "--trials", "0"), "trials must be at least 1"),
         (("paper-analysis", "--set", "rolouts=3"), "unknown setting 'rolouts'"),
+        (("paper-analysis", "--weight", "goal=80"), "unknown cost term 'goal'; valid: fall, gri"),
     ],
 )
 def test_bad_options_are_named(tmp_path, capsys, args, said):
     assert main(["bench", "suite", *args, "--out", str(tmp_path)]) == 2
     assert said in capsys.readouterr().err
+    assert not (tmp_path / "suite.json").exists()
 
 
 def test_a_folder_of_another_suite_is_refused(tmp_path, capsys):

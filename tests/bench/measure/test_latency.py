@@ -2,51 +2,43 @@ import numpy as np
 import pytest
 
 from sumo_dist.bench.measure.latency import DelayedTrial, LatePlanner, rows, run, text
-from sumo_dist.episode.assemble import draw_start
+from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.evaluate import Evaluator
-from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.tasks import load_task
 
 QUICK = PlannerConfig(rollouts=6, horizon=0.4)
 EPISODE = EpisodeConfig("spot/move_box", 1, QUICK, time_limit=0.3)
 
 
 @pytest.fixture(scope="module")
-def problem():
-    return Problem.build(load_task("spot/move_box"), planning_options(QUICK))
+def episode():
+    return Episode.assemble(EPISODE)
 
 
-def followed(problem, periods, compensate, ticks=12):
+def followed(episode, periods, compensate, ticks=12):
     """Ticks of the anchors of the plans that are followed, tick by tick."""
-    state = draw_start(problem.task, 1)
-    with problem.engine(1) as engine:
-        late = LatePlanner(
-            DelayedTrial(EPISODE, periods, compensate),
-            problem,
-            Evaluator(problem, engine, QUICK),
-            engine,
-        )
+    state, memory = episode.body.truth, episode.controller.initial_memory()
+    with episode.problem.engine(1) as engine:
+        late = LatePlanner(DelayedTrial(EPISODE, periods, compensate), episode, engine)
         anchors = []
         for tick in range(ticks):
-            late.follow(tick, state, problem.policy.initial_memory())
+            late.follow(tick, state, memory)
             plan = late._follower.plan
             anchors.append(None if plan is None else plan.tick)
     return anchors
 
 
-def test_without_delay_each_plan_is_followed_at_once(problem):
-    assert followed(problem, 0, False, 8) == [0, 0, 2, 2, 2, 5, 5, 7]
+def test_without_delay_each_plan_is_followed_at_once(episode):
+    assert followed(episode, 0, False, 8) == [0, 0, 2, 2, 2, 5, 5, 7]
 
 
-def test_a_late_plan_keeps_the_anchor_of_its_state(problem):
-    assert followed(problem, 2, False) == [*[None] * 5, 0, 0, 2, 2, 2, 5, 5]
+def test_a_late_plan_keeps_the_anchor_of_its_state(episode):
+    assert followed(episode, 2, False) == [*[None] * 5, 0, 0, 2, 2, 2, 5, 5]
 
 
-def test_a_compensated_plan_is_made_for_its_arrival(problem):
-    assert followed(problem, 2, True) == [*[None] * 5, 5, 5, 7, 7, 7, 10, 10]
+def test_a_compensated_plan_is_made_for_its_arrival(episode):
+    assert followed(episode, 2, True) == [*[None] * 5, 5, 5, 7, 7, 7, 10, 10]
 
 
 @pytest.mark.slow

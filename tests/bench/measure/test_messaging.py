@@ -1,4 +1,6 @@
 import json
+from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from sumo_dist.bench.measure import messaging
 from sumo_dist.bench.measure.planning import in_process, request
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.cli import main
+from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.config import PlannerConfig
@@ -15,23 +18,25 @@ SMALL = EpisodeConfig("spot/move_box", planner=PlannerConfig(rollouts=4, horizon
 
 
 def test_requests_differ_in_nothing_but_their_number():
-    snapshot = Snapshot.load()
-    first, second = request(snapshot, 1), request(snapshot, 2)
+    episode, snapshot = Episode.assemble(SMALL), Snapshot.load()
+    first, second = request(episode, snapshot, 1), request(episode, snapshot, 2)
     assert (first.number, second.number) == (1, 2)
     assert first.tick < second.tick
     assert np.array_equal(first.state, second.state)
-    with in_process(SMALL, threads=1) as plan:
+    assert first.cost.same(second.cost)
+    with in_process(episode, threads=1) as plan:
         assert not np.array_equal(plan(first).plan.knots, plan(second).plan.knots)
 
 
 def test_plans_that_differ_are_no_comparison():
-    other = EpisodeConfig("spot/move_box", seed=1, planner=SMALL.planner)
+    episode, other = Episode.assemble(SMALL), Episode.assemble(replace(SMALL, seed=1))
+    questions = (request(episode, Snapshot.load(), number) for number in count(1))
     with (
-        in_process(SMALL, threads=1) as here,
+        in_process(episode, threads=1) as here,
         in_process(other, threads=1) as there,
         pytest.raises(SumoError, match="plan 1 differs"),
     ):
-        messaging.interleave(Snapshot.load(), here, there, plans=1)
+        messaging.interleave(questions, here, there, plans=1)
 
 
 def test_figures_are_percentiles_and_differences():

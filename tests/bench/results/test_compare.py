@@ -75,6 +75,15 @@ def test_another_plant_is_a_setting(campaign, capsys):
     assert "estimator" not in out
 
 
+def test_other_weights_and_parameters_are_settings(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0]})  # rows of old journals do not say
+    b = campaign("b.jsonl", {BOX: [5.0]}, weight=["goal=80"], param=[])
+    assert main(["bench", "compare", a, b]) == 0
+    out = capsys.readouterr().out
+    assert "- weight: [] -> ['goal=80']" in out
+    assert "- param" not in out
+
+
 def test_tasks_that_only_one_has_are_named_and_left_out(campaign, capsys):
     a = campaign("a.jsonl", {BOX: [4.0, 5.0], CONE: [1.0]})
     b = campaign("b.jsonl", {BOX: [4.0, None]})

@@ -73,6 +73,14 @@ def test_a_file_of_other_settings_is_refused(tmp_path, change, said):
         open_journal(tmp_path / "a.jsonl")
 
 
+def test_a_file_that_does_not_say_has_the_usual_settings(tmp_path):
+    (tmp_path / "a.jsonl").write_text(json.dumps(ROW) + "\n")
+    usual = {"plant": "nominal", "estimator": "truth", "weight": [], "param": []}
+    Journal(tmp_path / "a.jsonl", lambda _trial: usual, [].append)
+    with pytest.raises(UsageError, match=r"weight is \[\] there and \['goal=80'\] here"):
+        Journal(tmp_path / "a.jsonl", lambda _trial: usual | {"weight": ["goal=80"]}, [].append)
+
+
 def test_another_tasks_rows_may_stand_beside(tmp_path):
     row = {**ROW, "task": "spot/move_cone", "config_hash": "c9"}
     (tmp_path / "a.jsonl").write_text(json.dumps(row) + "\n")
