@@ -80,6 +80,7 @@ class Session:
         self._episode: Episode | None = None
         self._loop: RealtimeLoop | None = None
         self._mode = "waiting"
+        self._began = 0.0  # time.perf_counter() of the episode's start, in realtime of its clock's
 
     def run(self) -> int:
         """Return the exit code."""
@@ -152,8 +153,9 @@ class Session:
         run = f"{self._id}.{number}"
         info = EpisodeInfo(run, config.to_json(), episode.problem.hash, number)
         self._link.enter(episode, info)
-        began = time.perf_counter()
-        ending = episode.finish(self._guarded(episode), began)
+        self._began = time.perf_counter()
+        ending = self._guarded(episode)
+        ending = episode.finish(ending, self._began)
         keep(episode.recording, ending, out)
         following = episode.controls.following
         stays = self._options.stay and ending.kind is not End.INTERRUPTED
@@ -201,6 +203,7 @@ class Session:
             self._stop,
             self._tell,
         )
+        self._began = time.perf_counter()
         return guarded(self._loop, episode)
 
     def _await_another(self, episode: Episode, ending: Ending) -> EpisodeConfig | None:

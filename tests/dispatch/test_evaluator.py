@@ -1,33 +1,37 @@
 """Rollouts on workers across a real bus; the workers here are scripted, to misbehave on purpose."""
 
+import queue
 import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from sumo_dist.dispatch import evaluator as gather
+from sumo_dist.dispatch import workers as crew
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
 from sumo_dist.errors import Interrupted
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import RolloutReply, RolloutRequest
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest, WorkerHealth
 
 BUILD = "build-1"
-TERMS = len(load_task("spot/move_box").cost)
+COST = load_task("spot/move_box").table.defaults
+TERMS = len(COST.weights)
 KNOTS = np.arange(10 * 4 * 9, dtype=np.float32).reshape(10, 4, 9)
-EXPECTED = KNOTS[:, 0, 0].astype(float)  # a row's cost, as the scripted workers compute it
+EXPECTED = KNOTS[:, 0, 0].astype(float)  # a row's first term, as the scripted workers compute it
 
 
 def request(number=0):
-    return PlanRequest(number, 0, np.zeros(64), np.zeros(12, np.float32), None)
+    return PlanRequest(number, 0, np.zeros(64), np.zeros(12, np.float32), None, COST)
 
 
 def answer(asked, **changes):
-    """Answer a request: the first term of a row is its cost."""
+    """Answer a request: the first term of a row is a number of its knots, all others are 0."""
     terms = np.zeros((len(asked.knots), TERMS))
     terms[:, 0] = asked.knots[:, 0, 0]
     reply = RolloutReply(
@@ -61,22 +65,38 @@ class Worker:
             self.bus.publish(reply)
 
 
+class Inbox(queue.SimpleQueue):
+    """A queue that counts what has come, whether it was read or not."""
+
+    def __init__(self):
+        self.came, self._lock = 0, threading.Lock()
+
+    def put(self, item):
+        super().put(item)
+        with self._lock:
+            self.came += 1
+
+
 class Party:
     """An evaluator and its workers, on one bus."""
 
     def __init__(self, stack, endpoint, robot, problem, config, eventually):
-        self._stack, self._endpoint, self._robot = stack, endpoint, robot
+        self.stack, self.endpoint, self.robot = stack, endpoint, robot
         self._eventually = eventually
         self.told = []
         self.stop = threading.Event()
         bus = stack.enter_context(Bus.dial(endpoint, robot, run="run"))
-        self.evaluator = RemoteEvaluator(
-            bus, "run", problem, config, BUILD, self.stop, lambda *told: self.told.append(told)
-        )
+        self.bus, self.problem, self.config = bus, problem, config
+        self._inbox = Inbox()
+        with patch.object(gather.queue, "SimpleQueue", lambda: self._inbox):
+            self.evaluator = RemoteEvaluator(
+                bus, BUILD, self.stop, lambda *told: self.told.append(told)
+            )
+        self.workers = self.evaluator.workers
 
     def worker(self, name, script=answer, build=BUILD):
-        worker = Worker(self._endpoint, self._robot, name, script, build)
-        self._stack.callback(worker.bus.close)
+        worker = Worker(self.endpoint, self.robot, name, script, build)
+        self.stack.callback(worker.bus.close)
         return worker
 
     def join(self, *args, **kwargs):
@@ -85,16 +105,15 @@ class Party:
             return self.worker(*args, **kwargs)
 
     @contextmanager
-    def news(self):
+    def news(self, count=1):
         """Wait until what happens inside has reached the evaluator, which reads it later."""
-        inbox = self.evaluator._inbox
-        before = inbox.qsize()
+        before = self._inbox.came
         yield
-        assert self._eventually(lambda: inbox.qsize() > before)
+        assert self._eventually(lambda: self._inbox.came >= before + count, 30.0)
 
     def evaluate(self, number=0, deadline_s=None):
         deadline = None if deadline_s is None else time.monotonic() + deadline_s
-        self.evaluator.reset_account(deadline)
+        self.evaluator.begin(self.problem, self.config, deadline)
         return self.evaluator(request(number), 0, KNOTS)
 
     def heard(self, text):
@@ -115,13 +134,13 @@ def silent(asked):
 def test_every_row_comes_back_in_its_place(party, workers):
     members = [party.join(f"w-{i}") for i in range(workers)]
     evaluation = party.evaluate()
-    assert np.array_equal(evaluation.costs, EXPECTED)
+    assert np.array_equal(evaluation.terms[:, 0], EXPECTED)
     assert evaluation.answered.all()
     assert evaluation.valid.all()
     rows = sorted(row for m in members for a in m.asked for row in a.knots[:, 0, 0])
     assert np.array_equal(rows, EXPECTED)
     assert all(member.asked for member in members)
-    assert (party.evaluator.reissued, party.evaluator.workers) == (0, workers)
+    assert (party.evaluator.reissued, len(party.workers)) == (0, workers)
 
 
 def test_a_request_says_all_that_a_worker_must_know(party, problem, config):
@@ -137,7 +156,7 @@ def test_a_request_says_all_that_a_worker_must_know(party, problem, config):
 def test_waits_for_a_worker_to_join(party):
     timer = threading.Timer(0.3, lambda: party.worker("w-1"))
     timer.start()
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
     timer.join()
 
 
@@ -145,7 +164,7 @@ def test_gives_the_shards_of_a_silent_worker_to_another(party, monkeypatch):
     monkeypatch.setattr(gather, "RESEND_S", 0.2)
     mute, good = party.join("mute", silent), party.join("good")
     evaluation = party.evaluate()
-    assert np.array_equal(evaluation.costs, EXPECTED)
+    assert np.array_equal(evaluation.terms[:, 0], EXPECTED)
     assert party.evaluator.reissued >= len(mute.asked[0].knots)
     assert len(good.asked) >= 2
 
@@ -155,26 +174,80 @@ def test_gives_the_shards_of_a_worker_that_leaves_to_another_at_once(party):
     party.join("good")
     threading.Timer(0.1, leaving.bus.close).start()
     began = time.monotonic()
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
     assert time.monotonic() - began < 0.9 * gather.RESEND_S
     assert party.heard("worker leaving left")
 
 
 def test_passes_over_a_worker_that_does_not_answer_and_asks_again_later(party, monkeypatch):
-    monkeypatch.setattr(gather, "PROBE_S", 0.6)
-    mute = party.join("mute", silent)
+    monkeypatch.setattr(crew, "PROBE_S", 1e3)
+    mute = party.join("mute")
     party.join("good")
-    for number in range(gather.MISSES_TO_BENCH):
-        assert party.evaluate(number, deadline_s=0.1).answered.any()
+    party.evaluate(0)
+    mute.script = silent
+    for number in range(1, 1 + crew.MISSES_TO_SUSPEND):
+        assert party.evaluate(number, deadline_s=0.5).answered.any()
     assert party.heard("worker mute does not answer: it is passed over")
     asked = len(mute.asked)
-    assert party.evaluate(2, deadline_s=0.1).answered.all()
+    assert party.evaluate(3, deadline_s=5.0).answered.all()
     assert len(mute.asked) == asked
     mute.script = answer
-    time.sleep(0.6)
-    assert party.evaluate(3, deadline_s=0.3).answered.all()
-    assert len(mute.asked) > asked
+    monkeypatch.setattr(crew, "PROBE_S", 0.0)
+    with party.news(2):  # one row is with both
+        party.evaluate(4)
+    assert [len(sent.knots) for sent in mute.asked[asked:]] == [1]
+    party.evaluate(5)
     assert party.heard("worker mute answers again")
+    party.evaluate(6)
+    assert mute.asked[-1].number == 6
+
+
+def test_a_worker_that_has_never_answered_gets_no_row_that_a_plan_needs(party, monkeypatch):
+    """Only one that another has as well, and not with every plan."""
+    party.join("good")
+    party.evaluate(0)
+    mute = party.join("mute", silent)
+    began = time.monotonic()
+    for number in range(1, 20):
+        assert np.array_equal(party.evaluate(number).terms[:, 0], EXPECTED)
+    took = time.monotonic() - began
+    assert 1 <= len(mute.asked) <= 1 + took / crew.PROBE_S
+    assert [len(asked.knots) for asked in mute.asked] == [1] * len(mute.asked)
+    assert party.evaluator.reissued == 0
+    assert not party.heard("does not answer")  # nobody counted on it
+    assert (len(party.workers), party.workers.get("mute").lost) == (1, 0)
+
+
+def test_a_newcomer_is_counted_on_from_its_first_answer(party):
+    party.join("old")
+    party.evaluate(0)
+    new = party.join("new")
+    with party.news(2):
+        party.evaluate(1)
+    assert [len(asked.knots) for asked in new.asked] == [1]
+    party.evaluate(2)
+    assert len(party.workers) == 2
+    assert len(new.asked[-1].knots) > 1
+
+
+@pytest.mark.parametrize("deadline_s", [None, 0.5])
+def test_hundreds_of_tokens_whose_owners_are_silent_cost_nothing(party, deadline_s):
+    """Such as of hosts that were cut off, or of somebody who means ill."""
+    ghosts = Bus.dial(party.endpoint, party.robot)
+    party.stack.callback(ghosts.close)
+    with party.news(300):
+        for i in range(300):
+            ghosts.announce("worker", f"ghost-{i}", BUILD)
+    good = [party.join(f"good-{i}") for i in range(2)]
+    for number in range(10):  # until both have shown themselves
+        party.evaluate(number, deadline_s)
+        if party.evaluator.reissued == 0 and set(party.workers.asked()) == {"good-0", "good-1"}:
+            break
+    for number in range(1000, 1030):
+        evaluation = party.evaluate(number, deadline_s)
+        assert np.array_equal(evaluation.terms[:, 0], EXPECTED)
+        assert party.evaluator.reissued == 0
+    assert all(worker.asked[-1].number == 1029 for worker in good)
 
 
 def test_leaves_out_what_is_late(party):
@@ -185,8 +258,8 @@ def test_leaves_out_what_is_late(party):
     assert time.monotonic() - began < 0.5
     lost = ~evaluation.answered
     assert 0 < lost.sum() < len(KNOTS)
-    assert np.isinf(evaluation.costs[lost]).all()
-    assert np.array_equal(evaluation.costs[~lost], EXPECTED[~lost])
+    assert np.isinf(evaluation.costs(COST.weights)[lost]).all()
+    assert np.array_equal(evaluation.terms[~lost, 0], EXPECTED[~lost])
 
 
 def test_without_workers_a_deadline_holds_too(party):
@@ -194,7 +267,7 @@ def test_without_workers_a_deadline_holds_too(party):
     evaluation = party.evaluate(deadline_s=0.2)
     assert time.monotonic() - began < 0.5
     assert not evaluation.answered.any()
-    assert np.isinf(evaluation.costs).all()
+    assert np.isinf(evaluation.costs(COST.weights)).all()
 
 
 def test_rows_that_diverged_are_answered_and_worst(party):
@@ -206,8 +279,8 @@ def test_rows_that_diverged_are_answered_and_worst(party):
     party.join("w-1", diverged)
     evaluation = party.evaluate()
     assert evaluation.answered.all()
-    assert evaluation.costs[0] == np.inf
-    assert np.array_equal(evaluation.costs[1:], EXPECTED[1:])
+    assert evaluation.costs(COST.weights)[0] == np.inf
+    assert np.array_equal(evaluation.terms[1:, 0], EXPECTED[1:])
 
 
 @pytest.mark.parametrize(
@@ -221,16 +294,16 @@ def test_rows_that_diverged_are_answered_and_worst(party):
 def test_a_worker_whose_answer_does_not_fit_is_left_out(party, lie):
     party.join("liar", lambda asked: answer(asked, **lie))
     party.join("good")
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
     assert party.heard("worker liar is left out: sent costs of shape")
-    assert party.evaluator.workers == 1
+    assert len(party.workers) == 1
 
 
 def test_a_worker_that_refuses_is_left_out_with_its_reason(party):
     nothing = {"terms": np.empty((0, 0)), "valid": np.empty(0, bool)}
     party.join("w-1", lambda asked: answer(asked, **nothing, refusal="its task differs"))
     party.join("good")
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
     assert party.heard("worker w-1 is left out: its task differs")
 
 
@@ -242,14 +315,14 @@ def test_one_refusal_that_was_spoilt_on_the_way_does_not_leave_a_worker_out(part
         return answer(asked, refusal="x")
 
     worker.script = once
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
-    assert (party.evaluator.workers, party.told) == (1, [("info", "worker w-1 joined")])
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
+    assert (len(party.workers), party.told) == (1, [("info", "worker w-1 joined")])
 
 
 def test_a_worker_of_another_build_is_left_out_with_the_remedy(party):
     other = party.join("other", build="build-2")
     party.join("good")
-    assert np.array_equal(party.evaluate().costs, EXPECTED)
+    assert np.array_equal(party.evaluate().terms[:, 0], EXPECTED)
     assert not other.asked
     assert party.heard("worker other is left out: its build is build-2, here it is build-1")
     assert party.heard("give all of them --engine native-portable")
@@ -278,7 +351,7 @@ def test_answers_to_an_earlier_plan_do_not_count(party):
         return answer(asked)
 
     worker.script = both
-    assert np.array_equal(party.evaluate(number=1).costs, EXPECTED)
+    assert np.array_equal(party.evaluate(number=1).terms[:, 0], EXPECTED)
 
 
 def test_the_last_words_of_a_worker_that_left_do_not_bring_it_back(party):
@@ -289,8 +362,8 @@ def test_the_last_words_of_a_worker_that_left_do_not_bring_it_back(party):
     party.evaluate(1)
     with party.news():
         worker.bus.publish(answer(leaving.asked[0]))
-    assert np.array_equal(party.evaluate(2).costs, EXPECTED)
-    assert party.evaluator.workers == 1
+    assert np.array_equal(party.evaluate(2).terms[:, 0], EXPECTED)
+    assert len(party.workers) == 1
 
 
 def test_a_worker_that_came_back_as_another_build_survives_the_end_of_the_old_one(party):
@@ -299,7 +372,7 @@ def test_a_worker_that_came_back_as_another_build_survives_the_end_of_the_old_on
     party.join("w-1")
     with party.news():
         old.bus.close()
-    assert np.array_equal(party.evaluate(deadline_s=2.0).costs, EXPECTED)
+    assert np.array_equal(party.evaluate(deadline_s=2.0).terms[:, 0], EXPECTED)
 
 
 def test_faster_workers_get_more_rows(party):
@@ -313,31 +386,91 @@ def test_faster_workers_get_more_rows(party):
 def test_answers_that_come_too_late_tell_how_slow_a_worker_is(party):
     slow = party.join("slow", silent)
     party.evaluate(0, deadline_s=0.05)
-    believed = party.evaluator.pace
+    believed = party.workers.pace
     with party.news():
         slow.bus.publish(answer(slow.asked[0], compute_ms=1000.0))
     party.evaluate(1, deadline_s=0.05)
-    assert party.evaluator.pace < 0.9 * believed
+    assert party.workers.pace < 0.9 * believed
 
 
 def test_a_worker_that_is_often_late_counts_for_less(party):
     party.join("w-1", lambda asked: answer(asked) if asked.start < 8 else None)  # 8 rows of 10
     for number in range(30):
         party.evaluate(number, deadline_s=0.1)
-    speed = party.evaluator._workers["w-1"].speed
-    assert party.evaluator.pace == pytest.approx(0.8 * speed, rel=0.05)
+    speed = party.workers.get("w-1").speed
+    assert party.workers.pace == pytest.approx(0.8 * speed, rel=0.05)
 
 
-def test_tells_of_each_worker_what_it_does_and_loses(party):
+def test_tells_of_each_worker_what_it_does_and_loses(party, eventually):
     party.join("w-1")
+    party.join("lossy")
     party.evaluate(0)
     party.join("mute", silent)
-    party.evaluate(1, deadline_s=0.3)
-    told = party.evaluator.workers_health()
-    assert (told["w-1 state"], told["w-1 lost"]) == ("answers", 0)
-    assert told["w-1 silent s"] < 10
-    assert told["mute lost"] > 0
-    assert "mute silent s" not in told  # it never said anything
+    party.join("other", build="build-2")
+    party.workers.get("lossy").lost = 7
+    party.evaluate(1)
+    told = {}
+    with Bus.dial(party.endpoint, party.robot) as bus:
+        bus.subscribe(WorkerHealth, lambda message: told.update({message.worker: message}))
+
+        def all_told():
+            party.workers.publish_health(party.bus)
+            time.sleep(0.05)
+            return len(told) == 4
+
+        assert eventually(all_told)
+    assert (told["w-1"].state, told["w-1"].lost) == ("answers", 0)
+    assert told["w-1"].rollouts_per_s > 0
+    assert 0 <= told["w-1"].silent_s < 60
+    assert (told["lossy"].state, told["lossy"].lost) == ("answers", 7)
+    assert (told["mute"].state, told["mute"].silent_s) == ("has not answered yet", -1.0)
+    assert told["other"].state.startswith("its build is build-2, here it is build-1")
+
+
+def test_a_worker_that_refused_is_asked_again_for_another_task(party):
+    worker = party.join("w-1", lambda asked: answer(asked, refusal="its task differs"))
+    party.join("good")
+    party.evaluate(0)
+    assert party.heard("worker w-1 is left out: its task differs")
+    worker.script = answer
+    party.evaluate(1)
+    assert worker.asked[-1].number == 0
+    party.problem = replace(party.problem, hash="another")
+    party.evaluate(2)
+    party.evaluate(3)
+    assert worker.asked[-1].number >= 2
+    assert worker.asked[-1].task_hash == "another"
+
+
+def test_a_worker_of_another_build_is_not_forgiven(party):
+    other = party.join("other", build="build-2")
+    party.join("good")
+    party.evaluate(0)
+    party.problem = replace(party.problem, hash="another")
+    party.evaluate(1)
+    assert not other.asked
+
+
+def test_answers_to_another_optimizer_are_not_taken_for_ones_own(party, eventually):
+    """Two of them ask the same workers for the same plan, each for other rows of it."""
+    workers = [party.join(f"w-{i}") for i in range(2)]
+    with Bus.dial(party.endpoint, party.robot, run="run") as bus:
+        told = []
+        other = RemoteEvaluator(bus, BUILD, party.stop, lambda *text: told.append(text))
+        assert eventually(lambda: other._inbox.qsize() == 2)
+        for evaluator, fast in ((party.evaluator, "w-0"), (other, "w-1")):
+            evaluator.begin(party.problem, party.config)
+            evaluator(request(0), 0, KNOTS)
+            evaluator.workers.get(fast).speed = 9.0
+            evaluator.workers.get("w-1" if fast == "w-0" else "w-0").speed = 1.0
+        for number in range(1, 8):
+            asking = threading.Thread(target=party.evaluate, args=(number,))
+            asking.start()
+            other.begin(party.problem, party.config)
+            assert np.array_equal(other(request(number), 0, KNOTS).terms[:, 0], EXPECTED)
+            asking.join(30.0)
+    assert not [text for _, text in (*told, *party.told) if "left out" in text]
+    assert all(worker.asked for worker in workers)
 
 
 def test_says_that_it_was_told_to_stop(party):

@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import cache
 
@@ -22,7 +22,14 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Ack, CommandMessage, EpisodeInfo, PlanMessage
+from sumo_dist.wire.messages import (
+    Ack,
+    CommandMessage,
+    EpisodeEnd,
+    EpisodeInfo,
+    Event,
+    PlanMessage,
+)
 
 QUICK = PlannerConfig(rollouts=10, horizon=0.4)
 
@@ -64,9 +71,8 @@ class Commander:
 class System:
     """The services of a run as real processes, which a test may kill, stop and start again."""
 
-    def __init__(self, launcher, bus, out):
-        self._launcher, self._out = launcher, out
-        self.bus = bus
+    def __init__(self, launcher, bus, endpoint):
+        self._launcher, self.bus, self.endpoint = launcher, bus, endpoint
         self.newest_plan = -1  # of the episode
         self.plans = 0  # that were published
         self.answered = 0  # rollouts that the newest of them rests on
@@ -74,8 +80,12 @@ class System:
         self.hash = ""  # of its task
         self.number = 0  # of the episode within its session
         self.episodes = 0  # that were announced, of all sessions
+        self.endings = {}  # run -> how it ended, as it was said
+        self.events = []  # (source, level, text)
         bus.subscribe(EpisodeInfo, self._on_episode)
         bus.subscribe(PlanMessage, self._on_plan)
+        bus.subscribe(EpisodeEnd, lambda end: self.endings.update({end.run: end.reason}))
+        bus.subscribe(Event, lambda e: self.events.append((e.source, e.level, e.text)))
         self.command = Commander(bus)
         self._services = {}
         self.processes = {}
@@ -91,6 +101,9 @@ class System:
     def know(self, service):
         """Take note of a service that is started later."""
         self._services[service.name] = service
+
+    def options(self, name):
+        return self._services[name].options
 
     def start_robot(self, **changes):
         """Start the robot with other options than it was to have."""
@@ -143,7 +156,8 @@ class System:
     def after_plan(self, number, episode=1):
         """Wait until a plan of an episode, or a later one, was published."""
         self._while(
-            lambda: self.number < episode or self.newest_plan < number, f"plan {number} did not come"
+            lambda: self.number < episode or self.newest_plan < number,
+            f"plan {number} did not come",
         )
 
     def after_more_plans(self, count):
@@ -163,10 +177,14 @@ class System:
         code = self.processes["robot-interface"].wait(timeout)
         return code, read_summary(self.folder(episode))
 
-    def interrupt(self):
+    def said(self, source, text):
+        """Whether a service has told people something."""
+        return any(who == source and text in line for who, _, line in self.events)
+
+    def interrupt(self, episode=1):
         """End a run that has shown what it should, however long that took; return its summary."""
         self.signal("robot-interface", signal.SIGINT)
-        code, summary = self.finish()
+        code, summary = self.finish(episode=episode)
         assert (code, summary["end_reason"]) == (130, "interrupted")
         return summary
 
@@ -184,9 +202,9 @@ def commander():
     return Commander
 
 
-@pytest.fixture
-def run_system(endpoint, tmp_path):
-    """Return a function that starts a run with quick plans, of spot/move_box by default."""
+@contextmanager
+def systems(endpoint, out):
+    """Yield a function that starts a run with quick plans, of spot/move_box by default."""
     with ExitStack() as stack:
 
         def run(
@@ -194,7 +212,7 @@ def run_system(endpoint, tmp_path):
             threads=1,
             speed=None,
             wait=20.0,
-            worker_engine="auto",
+            worker_engine=None,
             task="spot/move_box",
             resume_wait=0.0,
             stay=False,
@@ -204,25 +222,40 @@ def run_system(endpoint, tmp_path):
         ):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
             deployment = Deployment(
-                *(episode, workers, threads, tmp_path, viewer, speed, wait, resume_wait, stay)
+                *(episode, workers, threads, out, viewer, speed, wait, resume_wait, stay)
             )
             launcher = stack.enter_context(Launcher())
             router = Service("router", "router", Router(endpoint))
             launched = launcher.start(router)
             robot = load_task(task).scene.robot.name
             bus = stack.enter_context(Bus.dial(endpoint, robot))
-            system = System(launcher, bus, tmp_path)
+            system = System(launcher, bus, endpoint)
             system.take(router, launched)
             for service in services(deployment, endpoint):
-                changes = {"engine": worker_engine} if service.command == "rollout-worker" else {}
-                service = replace(service, options=replace(service.options, **changes))
+                changed = worker_engine is not None and service.command == "rollout-worker"
+                changes = {"engine": worker_engine} if changed else {}
+                system.know(replace(service, options=replace(service.options, **changes)))
                 if starts_robot or service.command != "robot-interface":
-                    system.start(service)
-                else:
-                    system.know(service)
+                    system.start_again(service.name)
             return system
 
         yield run
+
+
+@pytest.fixture
+def run_system(endpoint, tmp_path):
+    with systems(endpoint, tmp_path) as run:
+        yield run
+
+
+@pytest.fixture(scope="module")
+def paused(free_endpoint, tmp_path_factory):
+    """A robot in lockstep that waits for commands, for tests that leave it as it is."""
+    with systems(free_endpoint(), tmp_path_factory.mktemp("paused")) as run:
+        system = run(workers=1, time_limit=60.0)
+        system.after_plan(1)
+        assert system.command("pause").refusal == ""
+        yield system
 
 
 def digests(recording):

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 LIMIT = 2.0  # robot time of the runs that something happens to [s]: 40 plans
 MIDDLE = 12  # the plan after which it happens

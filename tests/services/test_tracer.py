@@ -10,14 +10,26 @@ from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.services.tracer import Backlog, Candidates, TracerOptions, run
+from sumo_dist.services.tracer import Backlog, Candidates, Tracer, TracerOptions, run
 from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Event, Health, PlanMessage, RunEnd, State, Traces
+from sumo_dist.wire.messages import (
+    Ack,
+    EpisodeEnd,
+    EpisodeInfo,
+    Event,
+    Health,
+    PlanMessage,
+    State,
+    Traces,
+    WorkerHealth,
+)
 from sumo_dist.wire.session import open_router
 
-ROLLOUTS, TERMS = 6, 3
+ROLLOUTS = 6
+COST = load_task("spot/move_box").table.defaults
+TERMS, PARAMETERS = len(COST.weights), len(COST.parameters)
 
 start_viewer = viewers._start
 
@@ -26,13 +38,18 @@ def report(number, finite=None):
     costs = np.arange(ROLLOUTS, dtype=float)[::-1] + 1.0
     finite = np.ones(ROLLOUTS, bool) if finite is None else np.array(finite)
     plan = Plan(number, 5 * number // 2, np.zeros((4, 2), np.float32), 1.5, "linear")
-    return PlanReport(plan, np.where(finite, costs, 0.0), finite, np.ones(TERMS), 30.0, 1.0)
+    made_of = np.where(finite, costs, 0.0), finite, np.ones(TERMS)
+    return PlanReport(plan, *made_of, COST.weights, COST.parameters, 30.0, 1.0)
 
 
-def shard(number, start, count, worker="w", iteration=0):
+def info(run_id="r", number=1, task="spot/move_box"):
+    return EpisodeInfo(run_id, EpisodeConfig(task).to_json(), "hash", number)
+
+
+def shard(number, start, count, worker="w", iteration=0, run_id="r"):
     paths = np.full((count, 2, 25, 3), number, np.float32)
     paths[:, 0, 0, 0] = np.arange(start, start + count)  # which rollout it is
-    return Traces("r", worker, number, iteration, start, paths)
+    return Traces(run_id, worker, number, iteration, start, paths)
 
 
 def test_a_full_backlog_drops_the_oldest_and_counts():
@@ -96,54 +113,59 @@ def router():
 @pytest.fixture
 def tracing(router, tmp_path, request):
     """A tracer on a bus of its own, and that bus; stopped at the end."""
-    robot = request.node.name.replace("_", "-")[:60]
+    robot = request.node.originalname.replace("_", "-")[:60]
     stop = threading.Event()
-    viewer = getattr(request, "param", "none")
-    options = TracerOptions(
-        EpisodeConfig("spot/move_box"), tmp_path, router, robot, "r", viewer=viewer
-    )
+    changes = {"viewer": "none", **getattr(request, "param", {})}
+    options = TracerOptions(tmp_path, router, robot, **changes)
 
-    def start():
+    def start(tells=True):
         listens = threading.Event()
         bus = Bus.dial(router, robot, run="r")
         bus.announce("worker", "w")
         bus.watch("tracer", lambda member, alive: listens.set())
         thread.start()
-        assert listens.wait(20)
+        assert listens.wait(60)
         time.sleep(0.2)  # until the router has told this side of its subscriptions
+        if tells:
+            bus.publish(info())
         return bus
 
     thread = threading.Thread(target=run, args=(options, stop))
     yield start, thread, stop
     stop.set()
-    thread.join(20)
+    thread.join(60)
     assert not thread.is_alive()
 
 
-def publish_run(bus, ticks=13):
-    state = draw_start(load_task("spot/move_box"), 1)
+def publish_run(bus, ticks=13, run_id="r", task="spot/move_box"):
+    state = draw_start(load_task(task), 1)
     for tick in range(ticks):
         time.sleep(0.02)  # a burst would be thinned by the bus, which never makes a sender wait
-        bus.publish(State("r", tick, state))
+        bus.publish(State(run_id, tick, state))
         if tick % 5 == 0:
             number = tick // 5
-            bus.publish(shard(number, 0, 3))
-            bus.publish(PlanMessage.of("r", report(number)))
-            bus.publish(PlanMessage.of("r", report(number)))  # as in lockstep, when asked again
-            bus.publish(shard(number, 3, 3))
+            bus.publish(shard(number, 0, 3, run_id=run_id))
+            bus.publish(PlanMessage.of(run_id, report(number)))
+            bus.publish(PlanMessage.of(run_id, report(number)))  # as in lockstep, asked again
+            bus.publish(shard(number, 3, 3, run_id=run_id))
     time.sleep(0.02)
-    bus.publish(Event("r", "optimizer", "warning", "a plan was late"))
+    bus.publish(Event(run_id, "optimizer", "warning", "a plan was late"))
     time.sleep(0.02)
-    for lost in (0, 8):
-        told = {"w state": "answers", "w rollouts/s": 300, "w lost": lost}
-        bus.publish(Health("r", "optimizer", "realtime", told))
+    for refused, state in ((0, "answers"), (8, "answers")):
+        told = {"refused": refused, "mode": state}
+        bus.publish(Health("", "optimizer", "realtime", told))
         time.sleep(0.02)
+        bus.publish(WorkerHealth("", "w", state, 300.0, refused, 0.1))
+        time.sleep(0.02)
+    bus.publish(Ack(run_id, 3, "tester", 12, "no such term"))
+    bus.publish(Ack(run_id, 4, "tester", 12, ""))
+    time.sleep(0.02)
 
 
-def end_run(bus, thread, reason="success"):
+def end_run(bus, thread, reason="success", run_id="r"):
     """Say that the run is over until the tracer has heard it: the bus may drop a message."""
-    for _ in range(40):
-        bus.publish(RunEnd("r", 12, reason, reason == "success"))
+    for _ in range(60):
+        bus.publish(EpisodeEnd(run_id, 12, reason, reason == "success", True))
         thread.join(0.5)
         if not thread.is_alive():
             return
@@ -164,10 +186,15 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
     assert len(timed["/plots/cost"]["sim_time"]) == 3
     assert timed["/plots/workers/alive"]["Scalars:scalars"][-1] == [1.0]
     assert timed["/plots/pace/w"]["Scalars:scalars"] == [[300.0], [300.0]]
-    assert timed["/health/optimizer/w\\ lost"]["Scalars:scalars"] == [[0.0], [8.0]]
-    assert timed["/health/optimizer/w\\ state"]["TextLog:text"] == [["answers"]]
+    assert timed["/health/optimizer/refused"]["Scalars:scalars"] == [[0.0], [8.0]]
+    assert timed["/health/optimizer/mode"]["TextLog:text"] == [["answers"]]
     texts = [text[0] for text in timed["/events"]["TextLog:text"]]
-    assert sorted(texts) == ["optimizer: a plan was late", "the run has ended: success"]
+    assert sorted(set(texts)) == [
+        "command 3 of tester refused: no such term",
+        "command 4 of tester carried out",
+        "optimizer: a plan was late",
+        "the run has ended: success",
+    ]
 
 
 def test_what_a_tracer_that_died_has_written_is_left_alone(tracing, tmp_path, read_rrd):
@@ -219,7 +246,80 @@ def test_it_stops_when_told_though_the_run_goes_on(tracing, tmp_path, read_rrd):
     assert len(read_rrd(tmp_path / "run.rrd").timed["/world/poses"]["sim_time"]) > 0
 
 
-@pytest.mark.parametrize("tracing", ["web"], indirect=True)
+def test_each_episode_of_a_session_has_a_file_of_its_own(tracing, tmp_path, read_rrd):
+    """A reset or another task begins one, and nothing of the one before is in its file."""
+    start, thread, _ = tracing
+    with start() as bus:
+        publish_run(bus)
+        for _ in range(3):
+            bus.publish(EpisodeEnd("r", 12, "replaced: task by tester", False, False))
+        bus.publish(info("r2", 2, "spot/move_tire"))
+        bus.publish(info("r2", 2, "spot/move_tire"))  # as when a question is repeated
+        publish_run(bus, 6, "r2", "spot/move_tire")
+        bus.publish(State("r", 13, draw_start(load_task("spot/move_box"), 1)))  # late
+        assert thread.is_alive()
+        end_run(bus, thread, run_id="r2")
+    first = read_rrd(tmp_path / "run.rrd")
+    second = read_rrd(tmp_path / "episode-2" / "run.rrd")
+    assert not (tmp_path / "episode-2" / "run-2.rrd").exists()
+    assert len(set(first.timed["/world/poses"]["sim_time"])) == 13
+    assert len(set(second.timed["/world/poses"]["sim_time"])) == 6
+    about = [str(each.static["/about/scene"]) for each in (first, second)]
+    assert "move_box" in about[0]
+    assert "move_tire" in about[1]
+    told = [text[0] for text in first.timed["/events"]["TextLog:text"]]
+    assert "the run has ended: replaced: task by tester" in told
+    told = [text[0] for text in second.timed["/events"]["TextLog:text"]]
+    assert "the run has ended: success" in told
+
+
+@pytest.mark.parametrize("tracing", [{"linger": True}], indirect=True)
+def test_one_that_lingers_shows_the_next_robots_session_too(tracing, tmp_path, read_rrd):
+    start, thread, stop = tracing
+    with start() as bus:
+        publish_run(bus, 3)
+        for _ in range(3):
+            bus.publish(EpisodeEnd("r", 2, "success", True, True))
+        time.sleep(1.0)
+        bus.publish(info("next", 1, "spot/move_tire"))
+        publish_run(bus, 4, "next", "spot/move_tire")
+        assert thread.is_alive()
+        stop.set()
+        thread.join(60)
+    first, second = (read_rrd(tmp_path / name) for name in ("run.rrd", "run-2.rrd"))
+    assert len(set(first.timed["/world/poses"]["sim_time"])) == 3
+    assert len(set(second.timed["/world/poses"]["sim_time"])) == 4
+    assert "move_tire" in str(second.static["/about/scene"])
+
+
+def test_what_comes_before_any_episode_is_not_shown(tracing, tmp_path):
+    start, _, stop = tracing
+    with start(tells=False) as bus:
+        publish_run(bus, 3)
+        stop.set()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_episode_that_cannot_be_shown_is_told_and_the_next_one_is(caplog):
+    opened = []
+
+    def open_logger(told):
+        if told.run == "bad":
+            raise ValueError("no disk")
+        opened.append(told.run)
+        raise ValueError("enough")
+
+    tracer = Tracer(open_logger)
+    with caplog.at_level(logging.WARNING):
+        tracer.show(info("bad"))
+        tracer.show(State("bad", 0, np.zeros(64)))
+        tracer.show(info("good", 2))
+    assert opened == ["good"]
+    assert caplog.text.count("cannot show a EpisodeInfo") == 1
+    assert "no disk" in caplog.text
+
+
+@pytest.mark.parametrize("tracing", [{"viewer": "web"}], indirect=True)
 def test_a_viewer_that_is_killed_is_told_and_the_run_is_recorded(
     tracing, tmp_path, caplog, read_rrd, monkeypatch
 ):
@@ -227,7 +327,9 @@ def test_a_viewer_that_is_killed_is_told_and_the_run_is_recorded(
     monkeypatch.setattr(viewers, "_start", lambda *a: opened.append(start_viewer(*a)) or opened[0])
     start, thread, _ = tracing
     with caplog.at_level(logging.INFO), start() as bus:
+        deadline = time.monotonic() + 60.0
         while "watch the run" not in caplog.text:
+            assert time.monotonic() < deadline
             time.sleep(0.05)
         opened[0].kill()
         opened[0].wait()

@@ -1,4 +1,5 @@
 import re
+import threading
 import time
 from dataclasses import asdict, replace
 
@@ -6,9 +7,13 @@ import numpy as np
 import pytest
 
 from sumo_dist.episode.assemble import draw_start
+from sumo_dist.errors import SumoError
 from sumo_dist.planner.evaluate import Evaluator
+from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
-from sumo_dist.services.worker import Inbox, WorkerOptions, Workshop, unique_name
+from sumo_dist.services.worker import EvaluatorCache, Inbox, WorkerOptions, run, unique_name
+from sumo_dist.tasks import load_task
+from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import checked_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
@@ -30,25 +35,27 @@ def asked(problem, config):
         settings=asdict(config),
         state=draw_start(problem.task, seed=2),
         memory=problem.policy.initial_memory(),
+        parameters=problem.task.table.defaults.parameters,
         knots=knots.astype(np.float32),
         reply_budget_ms=0.0,
     )
 
 
 @pytest.fixture(scope="module")
-def workshop():
-    with Workshop(WorkerOptions(name="w-1")) as workshop:
-        yield workshop
+def cache():
+    with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
+        yield cache
 
 
 @pytest.fixture(scope="module")
 def expected(problem, config, asked):
     with problem.engine(1) as engine:
-        return Evaluator(problem, engine, config)(asked.state, asked.memory, asked.knots)
+        evaluator = Evaluator(problem, engine, config)
+        return evaluator(asked.state, asked.memory, asked.parameters, asked.knots)
 
 
-def test_costs_are_those_of_one_process(workshop, asked, expected):
-    reply, traces = workshop.answer(asked)
+def test_costs_are_those_of_one_process(cache, asked, expected):
+    reply, traces = cache.answer(asked)
     assert np.array_equal(reply.terms, expected.terms)
     assert reply.valid.all()
     assert (reply.worker, reply.shard, reply.number, reply.start) == ("w-1", 5, 3, 0)
@@ -57,32 +64,33 @@ def test_costs_are_those_of_one_process(workshop, asked, expected):
     assert np.array_equal(traces.traces, expected.traces)
 
 
-def test_a_shard_costs_what_its_rows_cost(workshop, asked, expected):
-    reply, _ = workshop.answer(replace(asked, start=4, knots=asked.knots[4:7]))
+def test_a_shard_costs_what_its_rows_cost(cache, asked, expected):
+    reply, _ = cache.answer(replace(asked, start=4, knots=asked.knots[4:7]))
     assert np.array_equal(reply.terms, expected.terms[4:7])
     assert reply.start == 4
 
 
-def test_replies_can_travel(workshop, asked):
+def test_replies_can_travel(cache, asked):
     for request in (asked, replace(asked, task="spot/none")):
-        reply, _ = workshop.answer(request)
+        reply, _ = cache.answer(request)
         assert decode(RolloutReply, encode(reply)).shard == reply.shard
 
 
-def test_what_is_asked_again_is_answered_from_memory(workshop, asked):
-    first, _ = workshop.answer(asked)
-    again, _ = workshop.answer(replace(asked, shard=6))
+def test_what_is_asked_again_is_answered_from_memory(cache, asked):
+    first, _ = cache.answer(asked)
+    again, _ = cache.answer(replace(asked, shard=6))
     assert np.array_equal(again.terms, first.terms)
     assert again.compute_ms == first.compute_ms  # measured once
     assert again.shard == 6
 
 
-@pytest.mark.parametrize("changed", ["knots", "state"])
-def test_the_same_rows_of_the_same_plan_with_another_content_are_not(workshop, asked, changed):
+@pytest.mark.parametrize("changed", ["knots", "state", "parameters"])
+def test_the_same_rows_of_the_same_plan_with_another_content_are_not(cache, asked, changed):
     """Such as from an optimizer that was restarted and makes the plan once more."""
-    first, _ = workshop.answer(asked)
-    other = replace(asked, **{changed: getattr(asked, changed) * np.float32(0.999)})
-    reply, _ = workshop.answer(other)
+    first, _ = cache.answer(asked)
+    content = getattr(asked, changed)
+    other = 0.999 * content + 0.001 if changed == "parameters" else content * np.float32(0.999)
+    reply, _ = cache.answer(replace(asked, **{changed: other}))
     assert not np.array_equal(reply.terms, first.terms)
 
 
@@ -97,25 +105,109 @@ def test_the_same_rows_of_the_same_plan_with_another_content_are_not(workshop, a
         ({"state": np.zeros(3)}, "state has shape"),
         ({"state": np.full(64, 1e300)}, "state "),
         ({"memory": np.zeros(3, np.float32)}, "memory has shape"),
+        ({"parameters": np.zeros(3)}, "weights and parameters have shapes"),
+        ({"parameters": np.full(4, 1e300)}, "parameter 'goal' must be from -8 to 8 m"),
     ],
 )
 def test_what_cannot_be_done_is_refused_by_name_and_harms_nothing(
-    workshop, asked, expected, change, reason
+    cache, asked, expected, change, reason
 ):
-    reply, traces = workshop.answer(replace(asked, **change))
+    reply, traces = cache.answer(replace(asked, **change))
     assert re.search(reason, reply.refusal)
     assert reply.terms.size == reply.valid.size == 0
     assert traces is None
-    after, _ = workshop.answer(asked)
+    after, _ = cache.answer(asked)
     assert np.array_equal(after.terms, expected.terms)
 
 
-def test_takes_up_another_config_when_asked_to(workshop, asked, config, expected):
+def test_takes_up_another_config_when_asked_to(cache, asked, config, expected):
     shorter = replace(config, horizon=0.2)
-    reply, _ = workshop.answer(replace(asked, settings=asdict(shorter)))
+    reply, _ = cache.answer(replace(asked, settings=asdict(shorter)))
     assert not np.array_equal(reply.terms, expected.terms)
-    back, _ = workshop.answer(asked)
+    back, _ = cache.answer(asked)
     assert np.array_equal(back.terms, expected.terms)
+
+
+def test_costs_know_no_weights(cache, asked, problem, config, expected):
+    """Weights are the optimizer's alone: a task of other weights is the same to a worker."""
+    heavier = tuple(replace(term, weight=3.0 * term.weight) for term in problem.task.cost)
+    other = Problem.build(replace(problem.task, cost=heavier), planning_options(config))
+    assert other.hash == problem.hash
+    reply, _ = cache.answer(replace(asked, task_hash=other.hash))
+    assert np.array_equal(reply.terms, expected.terms)
+
+
+TASK_FILE = """
+import numpy as np
+from dataclasses import replace
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.tasks import load_task
+
+def offset(r):
+    return np.full(r.object.pos.shape[:2], {offset})
+
+def task():
+    base = load_task("spot/move_box")
+    return replace(base, cost=(*base.cost, CostTerm("offset", offset, 1.0)))
+"""
+
+
+def test_a_task_file_that_has_changed_is_loaded_again(asked, config, tmp_path):
+    """Between two sessions of a robot; the worker is the same."""
+    file = tmp_path / "offset.py"
+
+    def answered(cache):
+        problem = Problem.build(load_task(str(file)), planning_options(config))
+        request = replace(asked, task=str(file), task_hash=problem.hash, number=asked.number + 1)
+        reply, _ = cache.answer(request)
+        assert reply.refusal == ""
+        return reply.terms[:, -1], problem.hash
+
+    with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
+        file.write_text(TASK_FILE.format(offset=2.0))
+        before, old = answered(cache)
+        file.write_text(TASK_FILE.format(offset=30.0))
+        after, new = answered(cache)
+        assert old != new
+        assert (before == 2.0).all()
+        assert (after == 30.0).all()
+        refused, _ = cache.answer(replace(asked, task=str(file), task_hash=old))
+        assert "the task's files differ between the hosts" in refused.refusal
+
+
+def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(router, robot):
+    stop = threading.Event()
+    options = WorkerOptions(router, robot, "twin")
+    first = threading.Thread(target=run, args=(options, stop))
+    with Bus.dial(router, robot) as bus:
+        seen = threading.Event()
+        bus.watch("worker", lambda member, alive: seen.set())
+        first.start()
+        try:
+            assert seen.wait(30.0)
+            with pytest.raises(SumoError, match=r"a worker named 'twin' is at .* already: give "):
+                run(options, threading.Event())
+            assert first.is_alive()
+        finally:
+            stop.set()
+            first.join(30.0)
+
+
+def test_a_name_is_free_again_once_its_worker_has_left(router, robot, eventually):
+    """As after a crash: what was killed is seen for a moment."""
+    stop, changes = threading.Event(), []
+    with Bus.dial(router, robot) as bus:
+        ghost = Bus.dial(router, robot)
+        ghost.announce("worker", "w-1", engine_identity()[1])
+        bus.watch("worker", lambda member, alive: changes.append(alive))
+        worker = threading.Thread(target=run, args=(WorkerOptions(router, robot, "w-1"), stop))
+        threading.Timer(0.4, ghost.close).start()
+        worker.start()
+        try:
+            assert eventually(lambda: changes == [True, False, True], 30.0)
+        finally:
+            stop.set()
+            worker.join(30.0)
 
 
 def test_a_default_name_is_unique_on_the_bus():

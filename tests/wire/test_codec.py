@@ -14,20 +14,23 @@ from sumo_dist.planner.plan import Plan
 from sumo_dist.wire.codec import decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.messages import (
+    Ack,
+    CommandMessage,
+    EpisodeEnd,
+    EpisodeInfo,
     Event,
     Health,
     Message,
-    Order,
     PlanMessage,
+    Question,
     RolloutReply,
     RolloutRequest,
-    RunEnd,
     Sensors,
     State,
-    Status,
     Traces,
     TrialReply,
     TrialRequest,
+    WorkerHealth,
 )
 from sumo_dist.wire.schema import MAX_BYTES, WireError, record
 
@@ -35,6 +38,7 @@ RNG = np.random.default_rng(0)
 RUN = "run-7"
 PLAN = Plan(4, 10, RNG.standard_normal((4, 9)).astype(np.float32), 1.5, "linear")
 NO_STAMPS = np.zeros(0, np.int64)
+SETTINGS = asdict(PlannerConfig())
 
 MESSAGES = [
     Sensors(RUN, 3, RNG.random(51), NO_STAMPS, np.zeros((0, 38)), NO_STAMPS, np.zeros((0, 2, 7))),
@@ -43,29 +47,46 @@ MESSAGES = [
         np.array([8]), RNG.random((1, 2, 7)),
     ),
     State(RUN, 3, RNG.random(51)),
-    Status(RUN, 0, np.zeros(25, np.float32), 0, "lockstep", 1.0, None),
-    Status(RUN, 12, np.ones(25, np.float32), -1, "realtime", 0.4, PLAN),
+    Question(
+        RUN, 0, 0, "lockstep", 1.0, RNG.random(51), np.zeros(25, np.float32), None,
+        RNG.random(6), RNG.random(4), SETTINGS,
+    ),
+    Question(
+        RUN, -1, 12, "realtime", 0.4, RNG.random(51), np.zeros(0, np.float32), PLAN,
+        RNG.random(6), np.zeros(0), SETTINGS,
+    ),
     PlanMessage(
-        RUN, PLAN, RNG.random(32), RNG.random(32) > 0.5, RNG.random(6),
-        31.5, 2.25, 2, 0, 4, 1, False, 2,
+        RUN, PLAN, RNG.random(32), RNG.random(32) > 0.5, RNG.random(6), RNG.random(6),
+        RNG.random(4), 31.5, 2.25, 2, 0, 4, 1, False, 2,
     ),
     RolloutRequest(
-        RUN, "w-1", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", asdict(PlannerConfig()),
-        RNG.random(51), np.zeros(25, np.float32), RNG.random((16, 4, 9)).astype(np.float32), 40.0,
+        RUN, "w-1", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", SETTINGS,
+        RNG.random(51), np.zeros(25, np.float32), RNG.random(4),
+        RNG.random((16, 4, 9)).astype(np.float32), 40.0,
     ),
     RolloutReply(RUN, "w-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, ""),
     RolloutReply(RUN, "w-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task"),
     Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
-    RunEnd(RUN, 700, "success", True),
-    TrialRequest(RUN, "w-1.0", 4, "planned", {"task": "spot/move_box", "seed": 3}, {"nodes": 4}),
+    EpisodeEnd(RUN, 700, "success", True, False),
+    TrialRequest(RUN, "w-1.0", 4, "planned", '{"task": "spot/move_box", "seed": 3}'),
     TrialReply(RUN, "w-1.0", 4, '{"task": "spot/move_box"}', ""),
-    Order(RUN, "somebody", "stop", "smoke"),
+    CommandMessage(RUN, 3, "somebody", "weight", "goal", "80"),
+    Ack(RUN, 3, "somebody", 120, "unknown cost term"),
+    EpisodeInfo(RUN, '{"task": "spot/move_box"}', "ab12", 2),
     Health(RUN, "robot", "running", {"tick": 7, "load": 0.5, "build": "x"}),
+    WorkerHealth(RUN, "w-1", "answers", 310.0, 4, 0.25),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))
 REPLY = next(m for m in MESSAGES if isinstance(m, RolloutReply))
+SENSORS, QUESTION, END, COMMAND, ACK, INFO, HEALTH, WORKER = (
+    next(m for m in MESSAGES if isinstance(m, kind))
+    for kind in (
+        *(Sensors, Question, EpisodeEnd, CommandMessage),
+        *(Ack, EpisodeInfo, Health, WorkerHealth),
+    )
+)
 KINDS = sorted({type(m) for m in MESSAGES}, key=lambda kind: kind.__name__)
 
 
@@ -111,7 +132,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (2, "da667e8494825b43"), (
+    assert (SCHEMA, digest) == (3, "427a975dc984bc1b"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 
@@ -128,7 +149,7 @@ def test_numpy_scalars_and_views_are_sent_as_plain_values():
     [
         ({"v": SCHEMA + 1}, "version"),
         ({"v": None}, "version"),
-        ({"type": "Status"}, "type"),
+        ({"type": "Question"}, "type"),
         ({"extra": 1}, "field"),
         ({"tick": "3"}, "field"),
         ({"tick": True}, "field"),
@@ -163,13 +184,30 @@ def test_bad_fields_have_named_reasons(changes, reason):
         (REQUEST, {"reply_budget_ms": 1}, "field"),
         (REPLY, {"valid": ["b1", [2], b"\0\1"]}, "shape"),
         (REPLY, {"valid": ["b1", [16], b"\0\2" * 8]}, "range"),
-        (MESSAGES[0], {"mocap": ["f8", [0, 2, 8], b""]}, "shape"),
-        (MESSAGES[0], {"mocap": ["f8", [0, 2**62, 7], b""]}, "shape"),
-        (MESSAGES[3], {"clock": "sundial"}, "range"),
-        (MESSAGES[3], {"followed": {"number": 1}}, "field"),
-        (MESSAGES[11], {"success": 1}, "field"),
-        (MESSAGES[14], {"action": "dance"}, "range"),
-        (MESSAGES[15], {"counters": {"tick": None}}, "field"),
+        (SENSORS, {"mocap": ["f8", [0, 2, 8], b""]}, "shape"),
+        (SENSORS, {"mocap": ["f8", [0, 2**62, 7], b""]}, "shape"),
+        (QUESTION, {"clock": "sundial"}, "range"),
+        (QUESTION, {"followed": {"number": 1}}, "field"),
+        (QUESTION, {"number": -2}, "range"),
+        (QUESTION, {"speed": 1e300}, "range"),
+        (QUESTION, {"speed": -0.5}, "range"),
+        (QUESTION, {"state": ["f8", [0], b""]}, "shape"),
+        (QUESTION, {"weights": ["f8", [1], np.array(np.nan).tobytes()]}, "non-finite"),
+        (QUESTION, {"parameters": ["f8", [1], np.array(np.inf).tobytes()]}, "non-finite"),
+        (QUESTION, {"settings": {"horizon": None}}, "field"),
+        (END, {"success": 1}, "field"),
+        (END, {"last": 0}, "field"),
+        (COMMAND, {"verb": "dance"}, "range"),
+        (COMMAND, {"sender": "some body"}, "range"),
+        (COMMAND, {"number": -1}, "range"),
+        (COMMAND, {"value": "x" * 501}, "size"),
+        (ACK, {"refusal": "x" * 1001}, "size"),
+        (INFO, {"config": "x" * 20_001}, "size"),
+        (INFO, {"task_hash": "x" * 65}, "size"),
+        (INFO, {"number": -1}, "range"),
+        (HEALTH, {"counters": {"tick": None}}, "field"),
+        (WORKER, {"silent_s": -2.0}, "range"),
+        (WORKER, {"rollouts_per_s": -1.0}, "range"),
     ],
 )
 def test_rules_of_other_messages(message, changes, reason):
@@ -181,10 +219,11 @@ def test_missing_field_and_nested_field_are_named():
     del body["tick"]
     with pytest.raises(WireError, match="field: needs run, tick, state"):
         decode(State, seal(msgpack.packb(body)))
-    nested = msgpack.unpackb(unseal(encode(MESSAGES[4])))
+    followed = next(m for m in MESSAGES if isinstance(m, Question) and m.followed)
+    nested = msgpack.unpackb(unseal(encode(followed)))
     nested["followed"]["knots"][2] = b"\xff" * (4 * 36)
     with pytest.raises(WireError, match="non-finite: followed: knots"):
-        decode(Status, seal(msgpack.packb(nested)))
+        decode(Question, seal(msgpack.packb(nested)))
 
 
 @pytest.mark.parametrize(
@@ -291,6 +330,19 @@ RAW = st.recursive(
 def test_any_value_in_any_field_never_crashes(message, raw, data):
     field = data.draw(st.sampled_from([f.name for f in fields(message)]))
     accepted_means_valid(type(message), unseal(tampered(message, **{field: raw})))
+
+
+def test_health_of_many_counters_can_be_decoded():
+    """As many as settings may have; what grows with the workers has messages of its own."""
+    counters = {f"a counter of a rather long name {i}": i for i in range(40)}
+    message = Health(RUN, "optimizer", "realtime", counters)
+    assert decode(Health, encode(message)).counters == counters
+
+
+def test_a_command_travels_whole():
+    command = decode(CommandMessage, encode(COMMAND)).command
+    assert (command.number, command.sender, command.verb) == (3, "somebody", "weight")
+    assert (command.name, command.value) == ("goal", "80")
 
 
 def test_a_request_costs_microseconds():

@@ -3,13 +3,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sumo_dist.errors import UsageError
-from sumo_dist.wire.keys import ANY, Member, alive_key, alive_keys, parse_alive, topic_key
+from sumo_dist.wire.keys import (
+    ANY,
+    Member,
+    alive_key,
+    alive_keys,
+    checked_name,
+    parse_alive,
+    topic_key,
+    unique_name,
+)
 
 
 def test_topics_carry_the_version_and_the_robot():
-    assert topic_key("spot", "state") == "sumo/v2/spot/state"
-    assert topic_key("spot", "request", "w-1") == "sumo/v2/spot/request/w-1"
-    assert topic_key("spot", "reply", ANY) == "sumo/v2/spot/reply/*"
+    assert topic_key("spot", "state") == "sumo/v3/spot/state"
+    assert topic_key("spot", "request", "w-1") == "sumo/v3/spot/request/w-1"
+    assert topic_key("spot", "reply", ANY) == "sumo/v3/spot/reply/*"
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a*", "$x", "a?", "a#", "-a", "ä", "a" * 65, "a\n"])
@@ -34,3 +43,9 @@ def test_members_survive_their_key_whatever_their_build_is_called(build):
 )
 def test_foreign_keys_name_no_member(key):
     assert parse_alive(key) is None
+
+
+def test_a_unique_name_is_a_name_whatever_the_host_is_called(monkeypatch):
+    for host in ("plain", "mac.local", "ünïcode", "-", "a" * 200, ""):
+        monkeypatch.setattr("socket.gethostname", lambda host=host: host)
+        assert checked_name("id", unique_name()) == unique_name()
