@@ -13,7 +13,7 @@ from pathlib import Path
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.ending import End, Ending, fault
+from sumo_dist.episode.ending import End, Ending, fault, unforeseen
 from sumo_dist.episode.lockstep import run_lockstep
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.realtime import Pace, RealtimeLoop, calibrate, guarded
@@ -177,8 +177,8 @@ class Session:
             )
         except Interrupted:
             return Ending(End.INTERRUPTED)
-        except SumoError as error:
-            return fault(error)
+        except Exception as error:  # it is the end of an episode, not of this process
+            return unforeseen(error)
         if ending.kind is End.STOPPED:
             self._mode = "stopped"
             return sit_down(episode, ending)

@@ -23,18 +23,15 @@ from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import BY_HAND, Member, unique_name
 from sumo_dist.wire.messages import (
-    Ack,
     EpisodeEnd,
     EpisodeInfo,
-    Event,
-    Health,
     Message,
     PlanMessage,
     Question,
     State,
     Traces,
-    WorkerHealth,
 )
+from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not have it

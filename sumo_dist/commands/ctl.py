@@ -12,7 +12,7 @@ import tyro
 from sumo_dist.episode.command import Verb
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Ack, CommandMessage
+from sumo_dist.wire.notices import Ack, CommandMessage
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 AGAIN_S = 0.1  # a command that is not answered is sent again; the robot carries it out once

@@ -10,7 +10,7 @@ from typing import Any
 from sumo_dist.errors import UsageError
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
-from sumo_dist.wire.messages import Health
+from sumo_dist.wire.notices import Health
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 STALE_S = 2.0  # a service that said nothing for this long is shown as silent

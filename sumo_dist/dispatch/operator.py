@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from sumo_dist.episode.command import Command
 from sumo_dist.errors import Interrupted
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Ack, CommandMessage
+from sumo_dist.wire.notices import Ack, CommandMessage
 
 REMEMBERED = 256  # newest commands whose answer is given again when they come again
 WAITING = 256  # commands that may wait for a tick; more are dropped, and their senders repeat them

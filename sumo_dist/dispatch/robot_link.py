@@ -162,7 +162,7 @@ class RobotLink:
 
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
         began, noticed, again = time.monotonic(), False, False
-        while True:
+        while not self._stop.is_set():  # also where every answer comes at once
             if again:
                 self.announce()  # it may be the episode that the others have missed
             publish()
@@ -178,13 +178,12 @@ class RobotLink:
                     self._plans.clear()
                     return result
             waited = time.monotonic() - began
-            if self._stop.is_set():
-                raise Interrupted("told to stop")
             if waited > self._wait:
                 raise SumoError(f"no answer to the request for {what} in {self._wait:g} s")
             if waited > NOTICE_S and not noticed:
                 noticed = True
                 self._tell("warning", f"waiting for {what}")
+        raise Interrupted("told to stop")
 
     def _wake(self) -> None:
         with self._arrived:

@@ -8,7 +8,7 @@ import numpy as np
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
 from sumo_dist.wire.keys import SCHEMA, Member
-from sumo_dist.wire.messages import WorkerHealth
+from sumo_dist.wire.notices import WorkerHealth
 
 MISSES_TO_SUSPEND = 2  # plans in a row without any answer before a worker is passed over
 REFUSALS_TO_LEAVE_OUT = 2  # in a row: one may have been spoilt on its way

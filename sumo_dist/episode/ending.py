@@ -1,8 +1,13 @@
 """How an episode ended: what kind of end it was, and in words."""
 
+import logging
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Self
+
+from sumo_dist.errors import SumoError
+
+_log = logging.getLogger(__name__)
 
 
 class End(StrEnum):
@@ -66,3 +71,11 @@ class Ending:
 def fault(detail: object) -> Ending:
     """Return the end by a named fault."""
     return Ending(End.FAULT, str(detail))
+
+
+def unforeseen(error: Exception) -> Ending:
+    """Return the end by an error; one that is not ours is logged with where it came from."""
+    if isinstance(error, SumoError):
+        return fault(error)
+    _log.error("this is a fault of the program or of a task's function", exc_info=error)
+    return fault(f"{type(error).__name__}: {error}")

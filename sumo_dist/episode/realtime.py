@@ -11,7 +11,7 @@ import numpy as np
 
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.command import Command, Operator, stopped
-from sumo_dist.episode.ending import End, Ending, fault
+from sumo_dist.episode.ending import End, Ending, fault, unforeseen
 from sumo_dist.episode.follow import Follower
 from sumo_dist.episode.safety import StateWatch, getting_up, sitting_down
 from sumo_dist.errors import SumoError
@@ -286,11 +286,11 @@ class RealtimeLoop:
 
 
 def guarded(loop: RealtimeLoop, episode: Episode) -> Ending:
-    """Run a loop; a fault of its own makes the robot sit down without any state."""
+    """Run a loop; whatever goes wrong in it makes the robot sit down, without any state."""
     try:
         return loop.run()
-    except SumoError as error:
-        end = fault(error)
+    except Exception as error:  # a robot must not be left as it walks
+        end = unforeseen(error)
         try:
             for targets in sitting_down(episode.robot, episode.guard.last):
                 episode.guard.send(targets)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Event
+from sumo_dist.wire.notices import Event
 
 Level = Literal["info", "warning", "error"]
 Tell = Callable[[Level, str], None]

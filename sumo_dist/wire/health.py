@@ -6,7 +6,7 @@ from typing import Self
 
 from sumo_dist.errors import SumoError
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Health
+from sumo_dist.wire.notices import Health
 
 PERIOD_S = 0.5
 

@@ -10,7 +10,7 @@ from sumo_dist.commands.top import Board, Row, look, screen
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.health import Heartbeat
 from sumo_dist.wire.keys import Member
-from sumo_dist.wire.messages import Health
+from sumo_dist.wire.notices import Health
 from sumo_dist.wire.session import open_router
 
 

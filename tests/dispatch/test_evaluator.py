@@ -17,7 +17,8 @@ from sumo_dist.errors import Interrupted
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import RolloutReply, RolloutRequest, WorkerHealth
+from sumo_dist.wire.messages import RolloutReply, RolloutRequest
+from sumo_dist.wire.notices import WorkerHealth
 
 BUILD = "build-1"
 COST = load_task("spot/move_box").table.defaults

@@ -14,7 +14,7 @@ from sumo_dist.episode.ending import End
 from sumo_dist.errors import Interrupted
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Ack, CommandMessage
+from sumo_dist.wire.notices import Ack, CommandMessage
 
 
 def command(number):

@@ -20,15 +20,8 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import (
-    CommandMessage,
-    EpisodeEnd,
-    EpisodeInfo,
-    PlanMessage,
-    Question,
-    Sensors,
-    State,
-)
+from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, Question, Sensors, State
+from sumo_dist.wire.notices import CommandMessage
 
 MEMORY = np.zeros(12, np.float32)
 COST = load_task("spot/move_box").table.defaults

@@ -327,7 +327,7 @@ def test_a_command_that_fits_no_more_is_an_error_of_the_repeated_run(script):
 
 def test_a_realtime_run_cannot_be_repeated(quick):
     episode = {**quick.config["episode"], "clock": "realtime"}
-    with pytest.raises(UsageError, match="the realtime clock plans asynchronously"):
+    with pytest.raises(UsageError, match="only lockstep episodes repeat"):
         repeat(replace(quick, config={**quick.config, "episode": episode}))
 
 

@@ -43,12 +43,8 @@ from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA, Member, alive_key
 from sumo_dist.wire.messages import (
-    Ack,
-    CommandMessage,
     EpisodeEnd,
     EpisodeInfo,
-    Event,
-    Health,
     Message,
     PlanMessage,
     Question,
@@ -57,6 +53,12 @@ from sumo_dist.wire.messages import (
     Sensors,
     State,
     Traces,
+)
+from sumo_dist.wire.notices import (
+    Ack,
+    CommandMessage,
+    Event,
+    Health,
     TrialReply,
     TrialRequest,
     WorkerHealth,

@@ -22,14 +22,8 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import (
-    Ack,
-    CommandMessage,
-    EpisodeEnd,
-    EpisodeInfo,
-    Event,
-    PlanMessage,
-)
+from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage
+from sumo_dist.wire.notices import Ack, CommandMessage, Event
 
 QUICK = PlannerConfig(rollouts=10, horizon=0.4)
 

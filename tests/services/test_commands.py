@@ -12,7 +12,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import CommandMessage, Health
+from sumo_dist.wire.notices import CommandMessage, Health
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 

@@ -10,7 +10,7 @@ import pytest
 from sumo_dist.cli import main
 from sumo_dist.robots.g1 import G1
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Health
+from sumo_dist.wire.notices import Health
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 

@@ -14,7 +14,8 @@ from sumo_dist.rollout import engine_identity
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import EpisodeInfo, Health, PlanMessage, Question, State
+from sumo_dist.wire.messages import EpisodeInfo, PlanMessage, Question, State
+from sumo_dist.wire.notices import Health
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 

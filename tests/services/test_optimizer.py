@@ -19,16 +19,8 @@ from sumo_dist.rollout import engine_identity
 from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer, QuestionSlot, run
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import (
-    EpisodeInfo,
-    Event,
-    Health,
-    PlanMessage,
-    Question,
-    RolloutReply,
-    RolloutRequest,
-    WorkerHealth,
-)
+from sumo_dist.wire.messages import EpisodeInfo, PlanMessage, Question, RolloutReply, RolloutRequest
+from sumo_dist.wire.notices import Event, Health, WorkerHealth
 
 TASK = load_task("spot/move_box")
 COST = TASK.table.defaults

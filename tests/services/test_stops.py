@@ -10,7 +10,7 @@ from sumo_dist.cli import main
 from sumo_dist.commands import ctl
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import Health
+from sumo_dist.wire.notices import Health
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 

@@ -14,17 +14,8 @@ from sumo_dist.services.tracer import Backlog, Candidates, Tracer, TracerOptions
 from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import (
-    Ack,
-    EpisodeEnd,
-    EpisodeInfo,
-    Event,
-    Health,
-    PlanMessage,
-    State,
-    Traces,
-    WorkerHealth,
-)
+from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, State, Traces
+from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
 from sumo_dist.wire.session import open_router
 
 ROLLOUTS = 6

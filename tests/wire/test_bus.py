@@ -12,7 +12,8 @@ from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus, Newest
 from sumo_dist.wire.codec import encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA, Member, alive_key, topic_key
-from sumo_dist.wire.messages import Ack, CommandMessage, EpisodeInfo, RolloutReply, State
+from sumo_dist.wire.messages import EpisodeInfo, RolloutReply, State
+from sumo_dist.wire.notices import Ack, CommandMessage
 from sumo_dist.wire.session import open_client, open_router
 
 STATE = np.arange(51.0)

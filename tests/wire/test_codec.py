@@ -14,12 +14,8 @@ from sumo_dist.planner.plan import Plan
 from sumo_dist.wire.codec import decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.messages import (
-    Ack,
-    CommandMessage,
     EpisodeEnd,
     EpisodeInfo,
-    Event,
-    Health,
     Message,
     PlanMessage,
     Question,
@@ -28,6 +24,12 @@ from sumo_dist.wire.messages import (
     Sensors,
     State,
     Traces,
+)
+from sumo_dist.wire.notices import (
+    Ack,
+    CommandMessage,
+    Event,
+    Health,
     TrialReply,
     TrialRequest,
     WorkerHealth,

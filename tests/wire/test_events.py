@@ -6,7 +6,7 @@ import pytest
 
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import teller
-from sumo_dist.wire.messages import Event
+from sumo_dist.wire.notices import Event
 
 
 def first_heard(say, inbox):

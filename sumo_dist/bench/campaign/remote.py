@@ -15,7 +15,7 @@ from sumo_dist.dispatch.workers import misfit
 from sumo_dist.launch.launcher import dialled, listening
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
-from sumo_dist.wire.messages import TrialReply, TrialRequest
+from sumo_dist.wire.notices import TrialReply, TrialRequest
 from sumo_dist.wire.session import open_router
 
 BENCH = "bench"  # in the place of a robot's name in keys

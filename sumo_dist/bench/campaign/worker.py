@@ -16,7 +16,7 @@ from sumo_dist.provenance import cores
 from sumo_dist.services.worker import unique_name
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import checked_name
-from sumo_dist.wire.messages import TrialReply, TrialRequest
+from sumo_dist.wire.notices import TrialReply, TrialRequest
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 WAKE_S = 0.1  # how often requests and the order to stop are looked for

@@ -1,0 +1,152 @@
+"""What is said beside planning: events, health, an operator's commands, and a campaign's trials.
+
+Fields are declared as in `messages`.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+from sumo_dist.episode.command import Command, Verb
+from sumo_dist.wire.messages import Count, Message, Name
+from sumo_dist.wire.schema import Float, Settings, Text
+
+
+@dataclass(frozen=True, eq=False)
+class Event(Message):
+    """Anybody -> tracer: something that a person should read.
+
+    Attributes:
+        source: id of the service that speaks.
+        level: how bad it is.
+        text: one line.
+    """
+
+    topic: ClassVar[str] = "events"
+    addressed_by: ClassVar[str | None] = "source"
+    background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
+    source: Name
+    level: Literal["info", "warning", "error"]
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRequest(Message):
+    """Campaign -> a trial worker: one whole episode.
+
+    Attributes:
+        worker: who is asked.
+        number: of the question, counted over the campaign's run.
+        variant: of the trial: planned, or standing.
+        episode: the EpisodeConfig, as JSON.
+    """
+
+    topic: ClassVar[str] = "trial"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number",)
+    worker: Name
+    number: Count
+    variant: Name
+    episode: Annotated[str, Text(longest=20_000)]
+
+
+@dataclass(frozen=True, eq=False)
+class TrialReply(Message):
+    """A trial worker -> campaign: how the episode ended.
+
+    Attributes:
+        worker, number: of the request.
+        row: of the journal, JSON; "" if there is none.
+        refusal: why there is none.
+    """
+
+    topic: ClassVar[str] = "trial-result"
+    addressed_by: ClassVar[str | None] = "worker"
+    ordered_by: ClassVar[tuple[str, ...]] = ("number",)
+    worker: Name
+    number: Count
+    row: Annotated[str, Text(longest=60_000)]
+    refusal: str
+
+
+@dataclass(frozen=True, eq=False)
+class CommandMessage(Message):
+    """An operator -> robot: what it is told while it works; see `Command`. Heard whatever the run.
+
+    Attributes:
+        number, sender, verb, name, value: of the command.
+    """
+
+    topic: ClassVar[str] = "command"
+    any_run: ClassVar[bool] = True
+    number: Count
+    sender: Name
+    verb: Verb
+    name: Annotated[str, Text(longest=500)]
+    value: Annotated[str, Text(longest=500)]
+
+    @property
+    def command(self) -> Command:
+        """The command."""
+        return Command(self.number, self.sender, self.verb, self.name, self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class Ack(Message):
+    """robot -> an operator: a command was carried out, or why not. Heard whatever the run.
+
+    Attributes:
+        number, sender: of the command.
+        tick: at which it was carried out or refused.
+        refusal: why it was not; "" if it was.
+    """
+
+    topic: ClassVar[str] = "ack"
+    addressed_by: ClassVar[str | None] = "sender"
+    any_run: ClassVar[bool] = True
+    number: Count
+    sender: Name
+    tick: Count
+    refusal: Annotated[str, Text(longest=1000)]
+
+
+@dataclass(frozen=True, eq=False)
+class WorkerHealth(Message):
+    """optimizer -> whoever watches: one of its workers, a few times a second.
+
+    Attributes:
+        worker: its name.
+        state: "answers", or why it is not asked.
+        rollouts_per_s: that can be counted on.
+        lost: rollouts it was asked for and did not answer in time.
+        silent_s: since its last answer [s]; -1 if there was none.
+    """
+
+    topic: ClassVar[str] = "worker-health"
+    addressed_by: ClassVar[str | None] = "worker"
+    background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
+    worker: Name
+    state: Annotated[str, Text(longest=200)]
+    rollouts_per_s: Annotated[float, Float(0.0)]
+    lost: Count
+    silent_s: Annotated[float, Float(-1.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class Health(Message):
+    """Every service -> whoever watches: how it is, a few times a second.
+
+    Attributes:
+        source: id of the service.
+        mode: one word for what it does; of the robot "running", "stopping", "stopped", "rising".
+        counters: by name: what it has done, dropped and refused so far.
+    """
+
+    topic: ClassVar[str] = "health"
+    addressed_by: ClassVar[str | None] = "source"
+    background: ClassVar[bool] = True
+    any_run: ClassVar[bool] = True
+    source: Name
+    mode: Annotated[str, Text(longest=40)]
+    counters: Annotated[dict[str, int | float | str], Settings()]
