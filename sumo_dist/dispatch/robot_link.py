@@ -105,6 +105,7 @@ class RobotLink:
         self, request: PlanRequest, planner: PlannerConfig, clock: Clock = "lockstep"
     ) -> PlanReport:
         """Return the plan of a state."""
+        self._tick = request.tick
         question = self._question(request, planner, clock, 1.0)
         return self._ask(
             lambda: self._bus.publish(question), lambda: self._plans.get(request.number), "a plan"
