@@ -215,7 +215,9 @@ def test_a_task_that_is_broken_is_refused_before_the_episode_ends(paused, tmp_pa
     assert paused.number == 1
 
 
-def test_a_command_that_comes_again_is_carried_out_once(run_system, endpoint, commander):
+def test_a_command_that_comes_again_is_carried_out_once(
+    run_system, endpoint, commander, eventually
+):
     system = run_system(workers=1, time_limit=1.0)
     system.after_plan(2)
     held = system.command("pause").tick
@@ -226,9 +228,11 @@ def test_a_command_that_comes_again_is_carried_out_once(run_system, endpoint, co
         other = commander(bus, "somebody-else")
         assert other("step", value="none").refusal != ""
         assert {(ack.tick, ack.refusal) for ack in steps} == {(held, "")}
-        time.sleep(0.5)
+        assert eventually(lambda: other("step", value="none").tick == held + 3, 60.0)
+        time.sleep(0.5)  # it stays there
         assert other("step", value="none").tick == held + 3
         assert other("step", value="2", number=100).tick == held + 3  # numbers are a sender's own
+        assert eventually(lambda: other("step", value="none").tick == held + 5, 60.0)
     assert system.command("resume").tick == held + 5
     system.finish()
     verbs = [command["verb"] for command in system.recording().operator]
