@@ -33,17 +33,6 @@ class Rrd(NamedTuple):
     timed: dict[str, Table]
 
 
-PROCESSES = ("dispatch", "services", "faults", "commands", "launch")  # start a run's services
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where tests run in two processes: no two runs of all services at a time, files stay whole."""
-    for item in items:
-        folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        group = "processes" if folder in PROCESSES else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.fixture(scope="session")
 def read_rrd() -> Callable[[Path], Rrd]:
     """Return a function that reads an .rrd."""
