@@ -1,0 +1,94 @@
+"""Runs sumo-dist on what people bring, holds it to what they may expect, and lists its answers.
+
+`deploy/check tests/cases --answers FILE` writes the list as a table.
+"""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from sumo_dist.bench.layout import markdown
+from sumo_dist.cli import main
+
+COLUMNS = ("kind", "what is brought", "sumo-dist ...", "exit", "answer")
+
+
+class Case(NamedTuple):
+    """One row of the table.
+
+    Attributes:
+        kind: of fault, the same text for all cases of the kind.
+        brought: what the user has or does.
+        command: what was asked, without folders.
+        code: exit code.
+        answer: the line of the output that answers.
+    """
+
+    kind: str
+    brought: str
+    command: str
+    code: int
+    answer: str
+
+
+CASES = pytest.StashKey[list[Case]]()
+
+
+def pytest_addoption(parser):
+    parser.addoption("--answers", type=Path, metavar="FILE", help="write a table of all cases and their answers")
+
+
+def pytest_configure(config):
+    config.stash[CASES] = []
+
+
+def pytest_sessionfinish(session):
+    path = session.config.getoption("--answers", default=None)
+    if path is not None:
+        rows = [
+            [*case[:2], f"`{case.command}`", str(case.code), case.answer]
+            for case in sorted(session.config.stash[CASES])
+        ]
+        path.write_text(f"# deploy/check tests/cases --answers FILE\n\n{markdown(COLUMNS, rows)}\n")
+
+
+@pytest.fixture
+def ask(pytestconfig, capfd, tmp_path):
+    """Return a function that runs sumo-dist, checks what it answers and keeps it for the table."""
+
+    def ask(kind, brought, *args, code, says, own_process=False):
+        """Run `sumo-dist ARGS`; return all it printed.
+
+        Args:
+            kind: of fault, see `Case`.
+            brought: what the user has or does, in a few words.
+            args: of the command line.
+            code: the exit code that is due.
+            says: pattern that is found in a line of the output.
+            own_process: run in a process of its own: for what ends or takes over a process.
+        """
+        words = [str(arg) for arg in args]
+        if own_process:
+            command = [sys.executable, "-P", "-m", "sumo_dist", *words]
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=120, cwd=tmp_path
+            )
+            got, printed = done.returncode, done.stdout + done.stderr
+        else:
+            capfd.readouterr()
+            got = main(words)
+            printed = "".join(capfd.readouterr())
+        answer = next((line for line in printed.splitlines() if re.search(says, line)), None)
+        assert answer is not None, f"no line matches {says!r} in:\n{printed}"
+        assert "Traceback" not in printed, printed
+        assert got == code, printed
+        shown = [re.sub(r"\S*/", "", word) if word.startswith("/") else word for word in words]
+        line = re.sub(rf"{re.escape(str(tmp_path))}/?", "", answer).strip().replace("|", "\\|")
+        pytestconfig.stash[CASES].append(Case(kind, brought, " ".join(shown), got, line))
+        return printed
+
+    return ask
