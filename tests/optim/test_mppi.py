@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sumo_dist.optim.mppi import PathIntegral
+from sumo_dist.optim.mppi import PathIntegral, lower_deviation
 from sumo_dist.optim.optimizer import Belief
 
 BELIEF = Belief(np.zeros((1, 2)), np.ones((1, 2)))
@@ -16,7 +16,7 @@ def mean(costs, temperature=0.1):
 
 def test_weights_are_exponential_in_the_cost_over_temperature_and_spread():
     costs = np.array([3.0, 1.0, 2.0])
-    scale = 0.5 * costs.std()
+    scale = 0.5 * np.sqrt(0.5)  # of 1 and 2, whose median with 3 is 2
     w = np.exp(-(costs - 1.0) / scale)
     expected = (w[:, None, None] * KNOTS).sum(axis=0) / w.sum()
     assert mean(costs, temperature=0.5) == pytest.approx(expected, rel=1e-6)
@@ -47,3 +47,27 @@ def test_sigma_stays():
 def test_the_costs_scale_and_offset_do_not_matter(costs, scale, shift):
     costs = np.array(costs, float)
     assert mean(scale * costs + shift) == pytest.approx(mean(costs), abs=1e-5)
+
+
+def test_the_spread_of_costs_about_their_median_is_their_standard_deviation():
+    costs = np.random.default_rng(0).normal(3.0, 2.0, 100_001)
+    assert lower_deviation(costs) == pytest.approx(2.0, rel=0.01)
+
+
+RANKS = np.arange(32, dtype=np.float32).reshape(32, 1, 1)  # a candidate's knot is its rank
+ONE = Belief(np.zeros((1, 1)), np.ones((1, 1)))
+
+
+@given(
+    lost=st.lists(st.floats(111.0, 1e9) | st.just(np.inf), max_size=16),
+    temperature=st.sampled_from([0.03, 0.1, 0.3]),
+)
+def test_costs_of_the_worse_half_do_not_level_those_of_the_better(lost, temperature):
+    costs = np.linspace(100.0, 110.0, 32)
+    usual = PathIntegral(temperature).update(ONE, RANKS, costs).mean[0, 0]
+    costs[len(costs) - len(lost) :] = lost
+    assert PathIntegral(temperature).update(ONE, RANKS, costs).mean[0, 0] <= usual * 1.01
+
+
+def test_the_best_alone_count_where_half_are_equally_good():
+    assert mean([1.0, 1.0, 9.0]) == pytest.approx(KNOTS[:2].mean(axis=0))
