@@ -66,7 +66,9 @@ def test_a_server_outlives_the_episodes_that_are_sent_to_it(eventually):
             with Outputs(episode, url=server.url) as out:
                 out.log("seen", rr.Scalars(1.0), tick=0)
             assert answers()
-    assert eventually(lambda: not answers())  # Rerun closes the port after disconnect() has returned
+    assert eventually(
+        lambda: not answers()
+    )  # Rerun closes the port after disconnect() has returned
 
 
 def test_a_taken_port_is_avoided():
