@@ -9,6 +9,7 @@ import numpy as np
 from sumo_dist.episode.command import Controls
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import Ending
+from sumo_dist.episode.motion import measure
 from sumo_dist.episode.referee import Referee
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
@@ -105,6 +106,20 @@ class Episode:
         if state is not None:
             self.recording.add_tick(state, state if estimate is None else estimate, memory)
 
+    def follow(
+        self, action: np.ndarray, state: np.ndarray, memory: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Follow a normalised action (n,) for one tick.
+
+        Returns:
+            Joint targets (nu,) [rad] and the policy's next memory (nm,).
+        """
+        actions, nq = self.task.actions, self.problem.model.nq
+        physical = actions.physical(action)
+        self.recording.actions.append(physical)
+        command = actions.to_command(physical)
+        return self.controller.step(state[:nq], state[nq:], command, memory)
+
     def verdict(self, tick: int, estimate: np.ndarray) -> Ending | None:
         """Judge a tick on the true state, or on the estimate where nobody knows it."""
         truth = self.body.truth
@@ -117,6 +132,7 @@ class Episode:
         self.recording.commands = self.guard.account()
         self.recording.operator = self.controls.commands
         self.recording.ending = ending.reason
+        self.recording.motion = measure(self.recording, self.task, self.problem.model)
         return ending
 
 

@@ -59,16 +59,7 @@ def run_lockstep(
             episode.recording.add_plan(report)
             plan = report.plan
         assert plan is not None, "tick 0 always asks for plan 0"
-        targets, memory = follow(episode, plan, body.tick, state, memory)
+        targets, memory = episode.follow(plan.at(np.array([body.tick]))[0], state, memory)
         if not episode.guard.send(targets):
             raise SumoError(f"the policy's joint targets are not finite at tick {body.tick}")
         body.advance()
-
-
-def follow(
-    episode: Episode, plan: Plan, tick: int, state: np.ndarray, memory: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Follow a plan for one tick: joint targets (nu,) [rad] and the policy's next memory (nm,)."""
-    command = episode.task.actions.commands(plan.at(np.array([tick])))[0]
-    nq = episode.problem.model.nq
-    return episode.controller.step(state[:nq], state[nq:], command, memory)

@@ -197,11 +197,8 @@ class RealtimeLoop:
 
     def _act(self, tick: int, state: np.ndarray) -> Ending | None:
         """Follow the plan for a tick; return why that was not possible."""
-        command = self._episode.task.actions.commands(self._follower.action(tick))
-        nq = self._episode.problem.model.nq
-        targets, self._memory = self._episode.controller.step(
-            state[:nq], state[nq:], command, self._memory
-        )
+        action = self._follower.action(tick)
+        targets, self._memory = self._episode.follow(action, state, self._memory)
         self._episode.recording.late_ms.append((time.monotonic() - self._due) * 1e3)
         finite = self._guard.send(targets)
         self._body.advance()

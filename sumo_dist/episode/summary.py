@@ -20,7 +20,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
     Its counters: `missed_deadlines`, planning periods without a new plan; `partial_plans`, plans
     made without some of their candidates; `rollouts_lost`, candidates left out or asked for twice;
     `command_late_ms`, in realtime, wall time from a policy's tick to its command; `commands`, joint
-    targets sent and how many of them the guard changed, by reason.
+    targets sent and how many of them the guard changed, by reason; `motion`, see episode.motion.
     """
     plan_ms = np.array(recording.plan_ms or [np.nan])
     seconds = max(len(recording.states) - 1, 0) * TICK
@@ -48,6 +48,7 @@ def summarise(recording: Recording, ending: Ending) -> dict[str, Any]:
         "command_late_ms_p50": _finite(np.percentile(recording.late_ms or [np.nan], 50)),
         "command_late_ms_p99": _finite(np.percentile(recording.late_ms or [np.nan], 99)),
         "commands": recording.commands,
+        "motion": recording.motion,
         "real_time_factor": round(seconds / ending.wall_s, 4) if ending.wall_s > 0 else None,
         "plan_digest": recording.plan_digest,
         "state_digest": recording.state_digest,

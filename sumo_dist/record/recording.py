@@ -16,7 +16,8 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.rows import Rows
 
 FORMAT = 2
-_ABOUT = ("config", "commands", "operator", "ending")  # all other fields are arrays
+_ABOUT = ("config", "commands", "operator", "motion", "ending")  # all other fields are arrays
+_SINCE_THEN = ("motion",)  # of the same format, but not in its first recordings
 _TICKS = ("states", "estimates", "memories")
 _PLANS = (
     *("plan_numbers", "plan_ticks", "plan_ms", "age_ticks", "lost", "reissued", "rollouts"),
@@ -46,9 +47,11 @@ class Recording:
         traces: per plan, (B, F, P, 3) candidate paths, as many as costs; empty in a distributed
             run, whose tracer writes them to the .rrd.
         late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
+        actions: per tick in which a plan was followed, (nu,) the action, in its own units.
         targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
         commands: joint targets sent, and how many the guard had to change, by reason.
         operator: what an operator commanded, each with its tick, in the order it was carried out.
+        motion: what the robot's motion asks of hardware, see episode.motion.
         ending: how the episode ended, in words; "" while it runs.
     """
 
@@ -70,9 +73,11 @@ class Recording:
     parameters: Rows = field(default_factory=Rows)
     traces: Rows = field(default_factory=Rows)
     late_ms: Rows = field(default_factory=Rows)
+    actions: Rows = field(default_factory=Rows)
     targets: Rows = field(default_factory=Rows)
     commands: dict[str, int] = field(default_factory=dict)
     operator: list[dict[str, Any]] = field(default_factory=list)
+    motion: dict[str, float] = field(default_factory=dict)
     ending: str = ""
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
@@ -160,7 +165,8 @@ class Recording:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != FORMAT:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
-                about = {name: json.loads(str(file[name])) for name in _ABOUT}
+                there = [name for name in _ABOUT if name in file or name not in _SINCE_THEN]
+                about = {name: json.loads(str(file[name])) for name in there}
                 arrays: dict[str, Any] = {
                     name: Rows(file[name]) for name in file.files if name not in ("format", *_ABOUT)
                 }

@@ -17,7 +17,6 @@ from sumo_dist.bench.results.stats import wilson
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import Follower
-from sumo_dist.episode.lockstep import follow
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.planner.compensate import roll_forward
@@ -106,8 +105,8 @@ def run(trial: DelayedTrial) -> tuple[str, float]:
             state = estimate(body.read())
             if (ending := episode.verdict(body.tick, state)) is not None:
                 return ending.reason, body.tick * TICK
-            plan = planner.follow(body.tick, state, memory)
-            targets, memory = follow(episode, plan, body.tick, state, memory)
+            action = planner.action(body.tick, state, memory)
+            targets, memory = episode.follow(action, state, memory)
             episode.guard.send(targets)
             body.advance()
 
@@ -128,15 +127,14 @@ class LatePlanner:
         self._follower = Follower(self._actions)
         self._newest: Plan | None = None
 
-    def follow(self, tick: int, state: np.ndarray, memory: np.ndarray) -> Plan:
-        """Make the plan that is due and return the one to follow, as a plan of one knot."""
+    def action(self, tick: int, state: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Make the plan that is due; return the normalised action (n,) of those that are here."""
         number = plan_due(tick)
         if number is not None:
             self._make(number, tick, state, memory)
         while self._under_way and self._under_way[0][0] <= tick:
             self._follower.offer(self._under_way.popleft()[1])
-        action = self._follower.action(tick).astype(np.float32)
-        return Plan(0, tick, action[None], 1.0, "zero")
+        return self._follower.action(tick)
 
     def _make(self, number: int, tick: int, state: np.ndarray, memory: np.ndarray) -> None:
         """Plan from this state; with compensation, from where its arrival will find the robot."""

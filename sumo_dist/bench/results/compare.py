@@ -11,6 +11,8 @@ from sumo_dist.bench.layout import markdown
 from sumo_dist.bench.results.journal import PLANNED, USUAL, read_rows
 from sumo_dist.bench.results.outcomes import JOURNAL, Count, Row, count_tasks
 from sumo_dist.bench.results.stats import ALPHA, Ratio, fisher, holm, newcombe, paired_ratio
+from sumo_dist.bench.results.tables import MOTION_HEAD, MOTION_NOTE, motion_cells
+from sumo_dist.episode.motion import MEASURES
 from sumo_dist.errors import UsageError
 from sumo_dist.timing import TICK
 
@@ -85,6 +87,7 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
         total = Change.between(Count("all tasks", a), Count("all tasks", b))
         verdicts.append(sentence(total, total.p, total.times.p if total.times else 1.0))
         changes.append(total)
+    motion = [line for change in changes for line in motion_lines(change)]
     settings = differences(a, b) or ["All settings are the same."]
     settings += [f"only one of the two has {task}" for task in alone]
     return "\n\n".join(
@@ -93,6 +96,7 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
             markdown(HEAD, [cells(change) for change in changes]),
             bullets(verdicts),
             NOTE,
+            *(["## Motion", MOTION_NOTE, markdown(MOTION_HEAD, motion)] if motion else []),
             f"## What differs\n\n{bullets(settings)}",
         )
     )
@@ -133,6 +137,20 @@ def cells(change: Change) -> tuple[str, ...]:
         interval = f"{t.low:.2f} to {t.high:.2f}" if t.low > 0 else "-"
         times = (str(t.pairs), f"{t.value:.2f}", interval, f"{t.p:.3f}")
     return (a.task, str(a), str(b), *rates, *times)
+
+
+def motion_lines(change: Change) -> list[list[str]]:
+    """Return a task's motion in both, and of B the share of A's; empty if one does not have it."""
+    a, b = change.a.motion, change.b.motion
+    if not a or not b:
+        return []
+    shares = (b[name] / a[name] if a.get(name) and name in b else None for name in MEASURES)
+    ratios = ["-" if share is None else f"{share:.2f}" for share in shares]
+    return [
+        [f"{change.a.task}, A", *motion_cells(a)],
+        [f"{change.a.task}, B", *motion_cells(b)],
+        ["B / A", *ratios],
+    ]
 
 
 def differences(a: Sequence[Row], b: Sequence[Row]) -> list[str]:

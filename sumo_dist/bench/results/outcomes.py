@@ -11,6 +11,7 @@ from typing import Any, Self
 from sumo_dist.bench.results.journal import PLANNED, STANDING, Trial, read_rows
 from sumo_dist.bench.results.stats import wilson
 from sumo_dist.bench.results.suites import SUITES, Figure, Suite
+from sumo_dist.episode.motion import mean
 from sumo_dist.errors import UsageError
 
 JOURNAL = "trials.jsonl"
@@ -50,6 +51,11 @@ class Count:
     def __str__(self) -> str:
         """Say it in a table: successes of trials."""
         return f"{self.successes}/{self.trials}"
+
+    @property
+    def motion(self) -> dict[str, float]:
+        """Means of how the robot moved, see episode.motion; journals of old have none."""
+        return mean(row.get("motion", {}) for row in self.rows)
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells under CELLS."""

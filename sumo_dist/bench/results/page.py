@@ -8,7 +8,15 @@ from typing import Any
 
 from sumo_dist.bench.results.outcomes import Results, Row, TaskResult
 from sumo_dist.bench.results.stats import ALPHA, fisher
-from sumo_dist.bench.results.tables import FAILURE_HEAD, TABLE_HEAD, failure_lines, table_line
+from sumo_dist.bench.results.tables import (
+    FAILURE_HEAD,
+    MOTION_HEAD,
+    MOTION_NOTE,
+    TABLE_HEAD,
+    failure_lines,
+    motion_lines,
+    table_line,
+)
 from sumo_dist.errors import SumoError
 
 if missing := [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]:
@@ -57,6 +65,9 @@ def page(results: Results, strips: Mapping[str, bytes]) -> str:
             "solved_by": Markup(charts.solved_by(results)),
             "endings": Markup(charts.endings(results)),
         },
+        motion_head=MOTION_HEAD,
+        motion_note=MOTION_NOTE,
+        motion_lines=[*motion_lines(results.tasks)],
         films=films(results, strips),
         failure_head=FAILURE_HEAD,
         failures=[*failure_lines(results.failures())],

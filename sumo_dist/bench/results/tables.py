@@ -1,12 +1,18 @@
 """A suite's results as Markdown."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from sumo_dist.bench.layout import markdown
 from sumo_dist.bench.results.outcomes import CELLS, Results, Row, TaskResult
+from sumo_dist.episode.motion import MEASURES
 
 TABLE_HEAD = ("task", *CELLS[:3], "published", "standing", *CELLS[3:], "ended by")
+MOTION_HEAD = ("task", *(measure.title for measure in MEASURES.values()))
 FAILURE_HEAD = ("task", "seed", "ended by", "at [s]", "object to goal [m]", "last plan's costs")
+MOTION_NOTE = (
+    "Means over trials. Reversals are changes of a target's direction, per dimension; jerk is the "
+    "root mean square; depths are the deepest of a trial."
+)
 
 
 def text(results: Results) -> str:
@@ -20,6 +26,8 @@ def text(results: Results) -> str:
         table(results),
         f"Published: {results.suite.source}. Standing: nobody plans and the robot only stands.",
     ]
+    if lines := [*motion_lines(results.tasks)]:
+        parts += ["## Motion", MOTION_NOTE, markdown(MOTION_HEAD, lines)]
     if failures := results.failures():
         parts += ["## Trials that failed", markdown(FAILURE_HEAD, list(failure_lines(failures)))]
     settings = ", ".join(f"{key} {value}" for key, value in results.settings.items())
@@ -37,6 +45,21 @@ def table_line(task: TaskResult) -> tuple[str, ...]:
     published = str(task.figure)
     standing = f"{task.control.successes}/{task.control.trials}" if task.control else "-"
     return task.name, success, rate, interval, published, standing, *times, task.count.ended_by()
+
+
+def motion_lines(tasks: Iterable[TaskResult]) -> Iterable[tuple[str, ...]]:
+    """One line a task of which any trial's motion was measured."""
+    for task in tasks:
+        if motion := task.count.motion:
+            yield (task.name, *motion_cells(motion))
+
+
+def motion_cells(motion: Mapping[str, float]) -> list[str]:
+    """Return the cells under MOTION_HEAD but for the first."""
+    return [
+        measure.form.format(motion[name]) if name in motion else "-"
+        for name, measure in MEASURES.items()
+    ]
 
 
 def failure_lines(rows: Iterable[Row]) -> Iterable[tuple[str, ...]]:

@@ -105,3 +105,18 @@ def test_what_is_no_campaign_is_one_error(campaign, tmp_path, capsys):
     a = campaign("a.jsonl", {BOX: [4.0]})
     assert main(["bench", "compare", a, str(tmp_path)]) == 2
     assert "cannot read the trials in" in capsys.readouterr().err
+
+
+def test_motion_stands_beside_and_as_a_ratio(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0, 4.0]}, motion={"work_j": 200.0, "joint_jerk": 0.0})
+    b = campaign("b.jsonl", {BOX: [4.0, None]}, motion={"work_j": 100.0})
+    assert main(["bench", "compare", a, b]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    of = {line.split("|")[1].strip(): line.split("|")[-2].strip() for line in lines if "|" in line}
+    assert (of[f"{BOX}, A"], of[f"{BOX}, B"], of["B / A"]) == ("200", "100", "0.50")
+
+
+def test_there_is_no_motion_to_compare_if_only_one_was_measured(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0]}, motion={"work_j": 200.0})
+    assert main(["bench", "compare", a, campaign("b.jsonl", {BOX: [4.0]})]) == 0
+    assert "Motion" not in capsys.readouterr().out

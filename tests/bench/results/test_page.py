@@ -136,3 +136,26 @@ def test_markdown_names_every_failed_trial(results):
     assert report.count("| spot/upright_tire | ") == 1 + 16
     assert "| rolled < away | 30.00  | 0.06 " in report
     assert "rollouts 32" in report
+
+
+def test_motion_is_in_the_report_where_it_was_measured(tmp_path, make_row):
+    measured = {"limb_reversals_hz": 17.0, "work_j": 250.0}
+    rows = [
+        make_row(BOX, 1, 4.0, motion=measured),
+        make_row(BOX, 2, 4.0, motion={**measured, "work_j": 350.0}),
+        make_row(TIRE, 1, 4.0),
+    ]
+    (tmp_path / JOURNAL).write_text("".join(json.dumps(row) + "\n" for row in rows))
+    request = {"suite": "paper-analysis", "command": "x", "tasks": [BOX, TIRE], "trials": 2}
+    (tmp_path / REQUEST).write_text(json.dumps({**request, "seed0": 1}))
+    results = Results.load(tmp_path)
+    _, section = text(results).split("## Motion")
+    lines = [line for line in section.splitlines() if line.startswith("| spot/")]
+    assert [cell.strip() for cell in lines[0].split("|")[1:-1]] == [BOX, "17.0", *"------", "300"]
+    assert not any(line.startswith(f"| {TIRE}") for line in lines)
+    assert [BOX, "17.0", *"------", "300"] in cells(page(results, {}))
+
+
+def test_a_report_without_any_motion_has_no_such_section(results):
+    assert "Motion" not in text(results)
+    assert "Motion" not in page(results, {})
