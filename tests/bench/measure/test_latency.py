@@ -23,7 +23,7 @@ def followed(episode, periods, compensate, ticks=12):
         late = LatePlanner(DelayedTrial(EPISODE, periods, compensate), episode, engine)
         anchors = []
         for tick in range(ticks):
-            late.follow(tick, state, memory)
+            late.action(tick, state, memory)
             plan = late._follower.plan
             anchors.append(None if plan is None else plan.tick)
     return anchors
