@@ -27,6 +27,8 @@ SPEED = 4.0  # robot time per wall time; slow enough for a busy machine to keep 
 SIT_TICKS = round((np.max(SPOT.safety.stop_s) + SPOT.safety.rest_s) / TICK)
 RISE_TICKS = round(1.5 * SPOT.safety.rise_s / TICK)
 
+pytestmark = pytest.mark.alone
+
 
 class Link:
     """The rest of the system: estimates what it reads, plans to stand still at once."""

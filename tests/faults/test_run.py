@@ -78,6 +78,7 @@ def test_a_bad_network_and_dying_services_change_nothing_in_lockstep():
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.timeout(120)
 def test_lies_and_garbage_in_realtime_harm_nobody():
     outcome = run_script(

@@ -258,6 +258,7 @@ def test_a_robot_that_stays_waits_for_another_episode(run_system, eventually):
     assert [system.recording(n).ending for n in (1, 2)] == ["timeout", "timeout"]
 
 
+@pytest.mark.alone
 def test_in_realtime_changes_count_and_a_pause_takes_no_robot_time(run_system, eventually):
     system = run_system(speed=SPEED, clock="realtime", time_limit=60.0)
     with Bus.dial(system.endpoint, "spot") as bus:

@@ -12,7 +12,7 @@ from sumo_dist.robots.g1 import G1
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.notices import Health
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(180)]
 
 TASK = "g1/box_push"
 SPEED = 0.3  # slow enough for a busy machine

@@ -23,7 +23,9 @@ SPEED = 0.3  # of the wall clock in realtime
 GHOSTS = 300
 COST = load_task("spot/move_box").table.defaults
 TERMS, PARAMETERS = len(COST.weights), len(COST.parameters)
-BOTH = pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+BOTH = pytest.mark.parametrize(
+    "clock", ["lockstep", pytest.param("realtime", marks=pytest.mark.alone)]
+)
 
 
 @pytest.fixture(autouse=True)
@@ -222,6 +224,7 @@ def test_ghosts_that_were_there_before_two_real_workers_cost_nothing(
     assert sum(system.recording().reissued[10:]) == 0
 
 
+@pytest.mark.alone
 def test_ghosts_that_come_while_two_real_workers_plan_cost_nothing(start, haunt):
     system = start("realtime", workers=2)
     system.after_plan(3)

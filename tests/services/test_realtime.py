@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(180)]
 
 SPEED = 0.3  # a planning period is 0.17 s of wall time
 LIMIT = 1.0  # [s]: 20 plans

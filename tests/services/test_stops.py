@@ -12,7 +12,7 @@ from sumo_dist.robots.spot import SPOT
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.notices import Health
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(180)]
 
 SPEED = 0.8  # of the wall clock: stops take seconds of robot time
 LONG = 60.0  # a limit that no test waits for [s]

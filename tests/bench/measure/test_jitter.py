@@ -42,6 +42,7 @@ def test_a_run_that_fails_is_said():
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_times_real_runs(monkeypatch, capsys):
     monkeypatch.setattr(jitter, "CHOICES", ("normal",))  # what any machine permits
     options = ["--trials", "1", "--seconds", "1", "--workers", "1", "--json"]
