@@ -11,6 +11,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.motion import measure
 from sumo_dist.episode.referee import Referee
+from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -18,6 +19,7 @@ from sumo_dist.plant.body import Body
 from sumo_dist.plant.noise import plant_profile
 from sumo_dist.plant.simulated import Plant
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.world import saved
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.robots.robot import Robot
 from sumo_dist.rollout import engine_identity, make_controller
@@ -66,7 +68,8 @@ class Episode:
         problem = Problem.build(load_task(config.task), planning_options(config.planner))
         task = problem.task
         body = body or make_plant(config, task)
-        recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
+        about = config.describe(problem, engine_identity(config.engine)[0])
+        recording = Recording(about, model=saved(compile_model(task.scene, PLANT)))
 
         def send(targets: np.ndarray) -> None:
             recording.targets.append(targets)

@@ -12,6 +12,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
 from sumo_dist.plant.noise import plant_profile
 from sumo_dist.provenance import versions
+from sumo_dist.record.world import description
 from sumo_dist.tasks import task_source
 from sumo_dist.tasks.task import Task
 
@@ -106,6 +107,7 @@ class EpisodeConfig:
         return {
             "episode": asdict(self),
             "task_name": problem.task.name,
+            "task": description(problem.task),
             "robot": problem.task.scene.robot.name,
             "engine": engine,
             "plant_profile": asdict(plant_profile(self.plant)),

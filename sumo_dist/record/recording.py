@@ -15,9 +15,11 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.rows import Rows
 
-FORMAT = 2
-_ABOUT = ("config", "commands", "operator", "motion", "ending")  # all other fields are arrays
-_SINCE_THEN = ("motion",)  # of the same format, but not in its first recordings
+FORMAT = 3
+_READABLE = (2, FORMAT)
+_ABOUT = ("config", "commands", "operator", "motion", "ending")
+_MODEL = "model"  # all other fields are arrays
+_SINCE_THEN = ("motion",)  # that recordings of format 2 may not have; they have no model either
 _TICKS = ("states", "estimates", "memories")
 _PLANS = (
     *("plan_numbers", "plan_ticks", "plan_ms", "age_ticks", "lost", "reissued", "rollouts"),
@@ -30,8 +32,8 @@ class Recording:
     """What happened, tick by tick and plan by plan; grows, on disk, during a run.
 
     Attributes:
-        config: the episode's configuration, hashes, versions, names of cost terms and parameters;
-            see `EpisodeConfig.describe`.
+        config: the episode's configuration, hashes, versions, names of cost terms and parameters,
+            the task as far as it is data; see `EpisodeConfig.describe`.
         states: per tick, (nq + nv,) the true state, or the estimate where nobody knows it.
         estimates: per tick, (nq + nv,) the state that the policy and the planner saw.
         memories: per tick, (nm,) policy memory before that tick's evaluation.
@@ -53,6 +55,7 @@ class Recording:
         operator: what an operator commanded, each with its tick, in the order it was carried out.
         motion: what the robot's motion asks of hardware, see episode.motion.
         ending: how the episode ended, in words; "" while it runs.
+        model: of the world, see `record.world`; empty in recordings of older versions.
     """
 
     config: dict[str, Any]
@@ -79,6 +82,7 @@ class Recording:
     operator: list[dict[str, Any]] = field(default_factory=list)
     motion: dict[str, float] = field(default_factory=dict)
     ending: str = ""
+    model: bytes = b""
 
     def add_tick(self, state: np.ndarray, estimate: np.ndarray, memory: np.ndarray) -> None:
         """Append what one tick began with."""
@@ -149,11 +153,12 @@ class Recording:
         partial = path.with_suffix(".part.npz")
         about = {"format": FORMAT, "config": json.dumps(self.config)}
         about |= {name: json.dumps(getattr(self, name)) for name in _ABOUT[1:]}
+        about |= {_MODEL: np.frombuffer(self.model, np.uint8)}
         with ZipFile(partial, "w", ZIP_DEFLATED) as archive:
             for name, value in about.items():
                 with archive.open(f"{name}.npy", "w") as file:
                     np.lib.format.write_array(file, np.asanyarray(value))
-            for name in (each.name for each in fields(self) if each.name not in _ABOUT):
+            for name in (each.name for each in fields(self) if each.name not in about):
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                     getattr(self, name).write(file)
         partial.replace(path)
@@ -163,13 +168,17 @@ class Recording:
         """Read a recording; a file that is none is one clear error."""
         try:
             with np.load(path, allow_pickle=False) as file:
-                if int(file["format"]) != FORMAT:
+                if int(file["format"]) not in _READABLE:
                     raise UsageError(f"{path}: recording format {file['format']}, this is {FORMAT}")
                 there = [name for name in _ABOUT if name in file or name not in _SINCE_THEN]
                 about = {name: json.loads(str(file[name])) for name in there}
                 arrays: dict[str, Any] = {
-                    name: Rows(file[name]) for name in file.files if name not in ("format", *_ABOUT)
+                    name: Rows(file[name])
+                    for name in file.files
+                    if name not in ("format", _MODEL, *_ABOUT)
                 }
+                if _MODEL in file.files:
+                    arrays[_MODEL] = np.asarray(file[_MODEL], np.uint8).tobytes()
         except FileNotFoundError:
             raise UsageError(
                 f"no recording at {path}; `sumo-dist run` writes one as DIR/run.npz"

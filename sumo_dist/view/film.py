@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sumo_dist.episode.referee import Referee
-from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.record.recording import Recording
-from sumo_dist.tasks import load_task
+from sumo_dist.record.world import World
 from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK
 from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, eye_azimuth, goal_rings, ranked, way_colors
@@ -37,12 +36,13 @@ class _Artist:
     def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
         """Open an offscreen renderer of (width, height) pixels."""
         self._recording = recording
-        task = load_task(episode(recording).task)
+        world = World.of(recording)
+        task = world.task
         self._colors = way_colors(task)
         table = task.table
         plans = recording.parameters or [episode(recording).cost(task).parameters]
         self._goals = [task.goal_position(table.named(numbers)) for numbers in plans]
-        self._model = compile_model(task.scene, PLANT)
+        self._model = world.model
         self._model.vis.quality.shadowsize = 2048  # half as sharp, for drawing without a GPU
         self._data = mujoco.MjData(self._model)
         self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])

@@ -15,7 +15,7 @@ from sumo_dist.errors import SumoError, unknown
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
-from sumo_dist.tasks import load_task
+from sumo_dist.record.world import World
 
 FILMS = (".gif", ".jpg", ".mp4")
 STRIP = 6  # pictures in a strip
@@ -45,11 +45,11 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
     from sumo_dist.view.run_logger import RunLogger
 
     config, troubles = episode(recording), list[str]()
-    task = load_task(config.task)
+    world = World.of(recording)
     size = sum(traces.nbytes for traces in recording.traces)
     stride = max(1, -(-size // candidates_limit))
     with Outputs(path.parent.name, RrdFile(path, troubles.append)) as out:
-        logger = RunLogger(out, task, config, distributed=False)
+        logger = RunLogger(out, world.task, config, distributed=False, model=world.model)
         for tick, state in enumerate(recording.states):
             logger.log_state(tick, state)
         for i, report in enumerate(reports(recording)):
@@ -143,7 +143,7 @@ def render(recording: Recording, path: Path) -> None:
         recording.save(source)
         for library in _graphics_libraries():
             done = subprocess.run(
-                [sys.executable, "-m", "sumo_dist.view.film", source, path],
+                [sys.executable, "-P", "-m", "sumo_dist.view.film", source, path],
                 env={**os.environ, "MUJOCO_GL": library},
                 stderr=subprocess.PIPE,
                 text=True,

@@ -40,7 +40,14 @@ _SERIES: tuple[Color, ...] = (  # colours of plots, legible on dark and on light
 class RunLogger:
     """Writes one run: the scene at once, then states, plans, candidates and events as they come."""
 
-    def __init__(self, out: Outputs, task: Task, episode: EpisodeConfig, distributed: bool) -> None:
+    def __init__(
+        self,
+        out: Outputs,
+        task: Task,
+        episode: EpisodeConfig,
+        distributed: bool,
+        model: mujoco.MjModel | None = None,
+    ) -> None:
         """Log all that stays as it is.
 
         Args:
@@ -48,12 +55,13 @@ class RunLogger:
             task: what the robot does.
             episode: how it plans.
             distributed: there are rollout workers to watch.
+            model: of the task's scene; compiled by default.
         """
         self._out, self._task, self._distributed = out, task, distributed
         self._parameters = episode.cost(task).parameters
         self._goal = task.goal_position(task.table.named(self._parameters))
         self._planner = episode.planner
-        self._model = compile_model(task.scene, PLANT)
+        self._model = model or compile_model(task.scene, PLANT)
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
         self._colors = way_colors(task)

@@ -1,0 +1,151 @@
+"""The world that a recording was made in: its compiled model, and its task as far as it is data.
+
+A task's file and its objects' files may change, or go, after a run. So a recording carries what is
+needed to show it: MuJoCo's own binary of the model, which is exact and some 20 kB when compressed.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, NoReturn
+
+import mujoco
+import numpy as np
+
+from sumo_dist.costs.parameters import Parameter
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.scene import PLANT, Scene, SceneObject, compile_model
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.provenance import versions
+from sumo_dist.record.recording import Recording
+from sumo_dist.robots.robot import ActionSpace, Robot
+from sumo_dist.robots.safety import Safety
+from sumo_dist.tasks import load_task
+from sumo_dist.tasks.task import Goal, Task
+
+_FILE = "world.mjb"
+
+
+@dataclass(frozen=True)
+class World:
+    """What is shown of an episode.
+
+    Attributes:
+        model: of the scene, with all that is only seen.
+        task: with everything but its functions: a recording that carries its world has the terms'
+            names and weights, the parameters, frames and goal, and no residuals, reset or success
+            test. Calling one of them raises a SumoError.
+    """
+
+    model: mujoco.MjModel
+    task: Task
+
+    @classmethod
+    def of(cls, recording: Recording) -> "World":
+        """Return the world that a recording was made in.
+
+        Raises:
+            UsageError: it carries none, and its task is another one now; or another version of
+                MuJoCo made it.
+        """
+        if not recording.model:
+            task = unchanged_task(recording)
+            return cls(compile_model(task.scene, PLANT), task)
+        made, here = recording.config["versions"]["mujoco"], versions()["mujoco"]
+        if made != here:
+            raise UsageError(
+                f"this recording was made with MuJoCo {made}, which alone can read its model; "
+                f"here it is {here}: pip install mujoco=={made}"
+            )
+        try:
+            model = mujoco.MjModel.from_binary_path(_FILE, {_FILE: recording.model})
+            return cls(model, _task(recording.config["task"]))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UsageError(f"this recording's world cannot be read: {error!r}") from None
+
+
+def saved(model: mujoco.MjModel) -> bytes:
+    """Return a model as a recording carries it."""
+    binary = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, binary)
+    return binary.tobytes()
+
+
+def unchanged_task(recording: Recording) -> Task:
+    """Return the task that a recording was made of, functions and all.
+
+    Raises:
+        UsageError: it is not here any more, or it is another one now.
+    """
+    config = recording.config
+    source = config["episode"]["task"]
+    try:
+        task = load_task(source)
+        options = planning_options(PlannerConfig.from_settings(config["episode"]["planner"]))
+        found = Problem.build(task, options).hash
+    except SumoError as error:
+        raise UsageError(f"the task of this recording is not here as it was: {error}") from None
+    if found != config["task_hash"]:
+        raise UsageError(
+            f"{source} has changed since this run: its hash was {config['task_hash']} and is "
+            f"{found} now; bring back the task's files, and the sumo-dist of then "
+            f"({config['versions']['sumo-dist']})"
+        )
+    return task
+
+
+def description(task: Task) -> dict[str, Any]:
+    """Return a task without its functions, as JSON has it."""
+    actions = task.actions
+    described = {
+        "name": task.name,
+        "robot": asdict(task.scene.robot),
+        "objects": [thing.name for thing in task.scene.objects],
+        "actions": {name: getattr(actions, name) for name in _ACTIONS},
+        "frames": {name: asdict(ref) for name, ref in task.frames.items()},
+        "cost": [{name: getattr(term, name) for name in _TERM} for term in task.cost],
+        "parameters": [asdict(parameter) for parameter in task.parameters],
+        "goal": asdict(task.goal) if isinstance(task.goal, Goal) else task.goal,
+        **{name: getattr(task, name) for name in _PLAIN},
+    }
+    return json.loads(json.dumps(described, default=lambda numbers: np.asarray(numbers).tolist()))
+
+
+_ACTIONS = ("names", "lower", "upper", "default", "velocities")
+_TERM = ("name", "weight", "reduction")
+_PLAIN = ("success_hold", "time_limit", "trails", "controller", "source")
+
+
+def _task(described: Mapping[str, Any]) -> Task:
+    """Return the task of a description, without functions."""
+    robot, actions, goal = (_tupled(described[name]) for name in ("robot", "actions", "goal"))
+    numbers = {name: np.array(actions[name], float) for name in ("lower", "upper", "default")}
+    things = tuple(SceneObject(name, "") for name in described["objects"])
+    return Task(
+        name=described["name"],
+        scene=Scene(Robot(**{**robot, "safety": Safety(**_tupled(robot["safety"]))}), things),
+        actions=ActionSpace(**{**actions, **numbers}, to_command=_absent),
+        frames={name: FrameRef(**ref) for name, ref in described["frames"].items()},
+        cost=tuple(CostTerm(residual=_absent, **term) for term in described["cost"]),
+        reset=_absent,
+        success=_absent,
+        parameters=tuple(Parameter(**_tupled(each)) for each in described["parameters"]),
+        goal=Goal(**goal) if isinstance(goal, dict) else goal,
+        **{name: _tupled(described[name]) for name in _PLAIN},
+    )
+
+
+def _tupled(value: Any) -> Any:
+    """Return what JSON has made a list of as a tuple, one level down in a dictionary."""
+    if isinstance(value, dict):
+        return {
+            key: _tupled(each) if isinstance(each, list) else each for key, each in value.items()
+        }
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _absent(*_: object) -> NoReturn:
+    raise SumoError("a recording carries no functions of its task")
