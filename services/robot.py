@@ -22,14 +22,13 @@ from sumo_dist.episode.summary import keep
 from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.priority import goes_first
+from sumo_dist.record.folders import episode_folder
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import BY_HAND, Member
 from sumo_dist.wire.messages import EpisodeInfo
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
-
-LEAVING_S = 1.5  # a robot that was killed or cut off is seen for as long as this
 
 
 @dataclass(frozen=True)
@@ -118,12 +117,9 @@ class Session:
         Raises:
             SumoError: another robot has the name.
         """
-        robots, began = self._bus.watch("robot", self._on_robot), time.monotonic()
+        robots = self._bus.watch("robot", self._on_robot)
         self._bus.watch("optimizer", self._on_optimizer)
-        time.sleep(0.1)  # those that are there are reported within milliseconds
-        while robots.now and time.monotonic() < began + LEAVING_S:
-            time.sleep(0.05)
-        if robots.now:
+        if not robots.leave():
             raise SumoError(
                 f"a robot named {self._options.robot!r} is at {self._options.connect} already: "
                 "end it, or give this one another --robot or another router"
@@ -145,7 +141,7 @@ class Session:
 
     def _play(self, config: EpisodeConfig, number: int) -> tuple[Ending, EpisodeConfig | None]:
         """Run an episode; return how it ended and what follows it."""
-        out = self._options.out if number == 1 else self._options.out / f"episode-{number}"
+        out = episode_folder(self._options.out, number)
         self._episode = episode = Episode.assemble(config)
         self._progress = Progress(
             episode.problem.task.table.terms, lambda line: self._tell("info", line)

@@ -18,6 +18,7 @@ import numpy as np
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.report import PlanReport
+from sumo_dist.record.folders import episode_folder
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import Bus
@@ -305,7 +306,7 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
         def open_logger(info: EpisodeInfo) -> RunLogger:
             episode.close()
             config = EpisodeConfig.from_json(info.config)
-            folder = options.out if info.number == 1 else options.out / f"episode-{info.number}"
+            folder = episode_folder(options.out, info.number)
             folder.mkdir(parents=True, exist_ok=True)
             file = RrdFile(_unused(folder), _log.warning)
             out = episode.enter_context(Outputs(info.run, file, url))

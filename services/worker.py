@@ -21,14 +21,16 @@ from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.priority import lower_priority
 from sumo_dist.rollout import engine_identity
 from sumo_dist.rollout.interface import Engine
+from sumo_dist.services.serving import Serving
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.finding import Place, Search, only
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
-LEAVING_S = 1.5  # a worker that was killed or cut off is seen for as long as this
+ROUTER_WAIT_S = 10.0  # a worker may be started before the router
+LOOK_S = 0.5  # between two looks for a robot
 
 log = logging.getLogger("sumo_dist.worker")
 
@@ -38,18 +40,21 @@ class WorkerOptions:
     """A worker.
 
     Attributes:
-        connect: the router's endpoint.
-        robot: whose plans to work for.
+        connect: the router's endpoint; by default that of the run on this machine.
+        robot: whose plans to work for; by default those of the robot that is there.
         name: unique among the workers; by default host and process.
         threads: rollout threads.
         engine: kind of rollout engine, see rollout.make_engine.
+        give_way: let other programs of this machine go first; with --no-give-way rollouts stay
+            faster beside them, and they become slower.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    connect: str | None = None
+    robot: str | None = None
     name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
+    give_way: bool = True
 
     def __post_init__(self) -> None:
         checked_name("worker", self.name)
@@ -57,23 +62,32 @@ class WorkerOptions:
             raise UsageError(f"threads must be from 1 to 256, got {self.threads}")
 
 
-def run(options: WorkerOptions, stop: threading.Event) -> None:
+def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> None:
     """Serve until told to stop.
+
+    Args:
+        options: the worker's.
+        stop: tells it to stop.
+        aloud: say whom it serves; in a run with many workers the optimizer speaks for them.
 
     Raises:
         SumoError: another worker has the name, or the optimizer is of another build.
     """
     _, build = engine_identity(options.engine)
-    lower_priority()
-    inbox = Inbox()
+    if options.give_way:
+        lower_priority()
+    place, inbox = _place(options, stop), Inbox()
+    if place is None:
+        return
+    serving = Serving(place, options.threads, aloud)
     with (
-        Bus.dial(options.connect, options.robot) as bus,
+        Bus.dial(place.endpoint, place.robot, timeout=ROUTER_WAIT_S) as bus,
         EvaluatorCache(options) as evaluators,
         Heartbeat(bus, options.name, evaluators.health),
     ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
         optimizers = bus.watch("optimizer")
-        _claim_the_name(bus, options)
+        _claim_the_name(bus, options.name, place)
         bus.announce("worker", options.name, build)
         while not stop.is_set():
             for optimizer in optimizers.now:
@@ -81,26 +95,43 @@ def run(options: WorkerOptions, stop: threading.Event) -> None:
                     raise SumoError(f"this worker does not fit the optimizer: {reason}")
             request = inbox.get(timeout=0.1)
             if request is None:
+                serving.idle(optimizers.now)
                 continue
             reply, traces = evaluators.answer(request)
             bus.publish(reply)
-            if reply.refusal:
-                log.error("refused plan %d: %s", request.number, reply.refusal)
+            serving.answered(request, reply)
             if traces is not None:
                 bus.publish(traces)
 
 
-def _claim_the_name(bus: Bus, options: WorkerOptions) -> None:
+def _place(options: WorkerOptions, stop: threading.Event) -> Place | None:
+    """Wait for the robot to work for; None if told to stop.
+
+    Raises:
+        SumoError: there is no router.
+        UsageError: there are several robots.
+    """
+    search = Search(options.connect, options.robot)
+    waiting, began = False, time.monotonic()
+    while search.known is None and not stop.is_set():
+        look = search.look()
+        if look.places:
+            return only(look.places)
+        if look.routers and not waiting:
+            waiting = True
+            log.info("%s; waiting for one", search.nobody(look))
+        if not waiting and time.monotonic() > began + ROUTER_WAIT_S:
+            raise SumoError(f"{search.nobody(look)} (waited {ROUTER_WAIT_S:g} s)")
+        stop.wait(LOOK_S)
+    return search.known
+
+
+def _claim_the_name(bus: Bus, name: str, place: Place) -> None:
     """Be the worker of this name: two of one name would answer each other's requests."""
-    workers, began = bus.watch("worker"), time.monotonic()
-    time.sleep(0.05)  # those that are there are reported within milliseconds
-    while any(member.id == options.name for member in workers.now):
-        if time.monotonic() > began + LEAVING_S:
-            raise SumoError(
-                f"a worker named {options.name!r} is at {options.connect} already: "
-                "give this one another --name"
-            )
-        time.sleep(0.05)
+    if not bus.watch("worker").leave(lambda member: member.id == name):
+        raise SumoError(
+            f"a worker named {name!r} is at {place.endpoint} already: give this one another --name"
+        )
 
 
 class Inbox:

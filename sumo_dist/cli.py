@@ -1,16 +1,13 @@
 """The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
 
 import os
-import signal
 import sys
-import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
-import tyro
-
 from sumo_dist.errors import SumoError, unknown
+from sumo_dist.signals import INTERRUPTED, starting
 
 
 @dataclass(frozen=True)
@@ -29,8 +26,10 @@ class Command:
     options: str = "Options"
     entry: str = "main"
 
-    def run(self, name: str, args: Sequence[str]) -> int:
-        """Parse the arguments and run."""
+    def run(self, name: str, args: Sequence[str], begun: Callable[[], None]) -> int:
+        """Parse the arguments, say that the command has begun, and run it."""
+        import tyro
+
         module = import_module(self.module)
         options = tyro.cli(
             getattr(module, self.options),
@@ -38,6 +37,7 @@ class Command:
             args=args,
             description=self.summary,
         )
+        begun()
         return getattr(module, self.entry)(options)
 
 
@@ -46,7 +46,7 @@ COMMANDS = {
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
     "stop": Command(
-        "Make a running robot sit down at once", "sumo_dist.commands.ctl", entry="stop"
+        "Make a running robot sit down at once", "sumo_dist.commands.ctl", "StopOptions", "stop"
     ),
     "resume": Command(
         "Let a robot that has stopped go on", "sumo_dist.commands.ctl", entry="resume"
@@ -133,23 +133,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not args or args[0] in ("-h", "--help"):
         print(_overview())
         return 0 if args else 2
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
     try:
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
-        return COMMANDS[name].run(name, args[len(name.split()) :])
+        with starting() as begun:
+            return COMMANDS[name].run(name, args[len(name.split()) :], begun)
     except SumoError as error:
         print(f"sumo-dist: {error}", file=sys.stderr)
         return error.exit_code
     except SystemExit as exit_:  # tyro has said what is wrong
         return int(exit_.code or 0)
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except ImportError as error:  # what a native module makes of a signal that comes meanwhile
         if isinstance(error.__cause__, KeyboardInterrupt):
-            return 130
+            return INTERRUPTED
         raise
 
 

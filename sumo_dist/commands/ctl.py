@@ -3,7 +3,9 @@
 import getpass
 import re
 import secrets
+import sys
 import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Annotated, get_args
 
@@ -12,11 +14,13 @@ import tyro
 from sumo_dist.episode.command import Verb
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.finding import ROUTER_S, Look, Place, Search
 from sumo_dist.wire.notices import Ack, CommandMessage
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
+from sumo_dist.wire.session import nobody_listens
 
 AGAIN_S = 0.1  # a command that is not answered is sent again; the robot carries it out once
 PATIENCE_S = 5.0
+STARTING_S = 3.0  # a run that has a router has a robot by then, or ends
 
 # verb -> what its words are; a word in brackets may be left out
 WORDS: dict[str, tuple[str, ...]] = {
@@ -34,18 +38,34 @@ WORDS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Options:
-    """Options of `stop` and `resume`.
+class StopOptions:
+    """Options of `stop`.
+
+    Without --connect and --robot it stops every robot that is found: who calls for a stop may not
+    know names, and one robot too many that sits down costs less than one too few.
 
     Attributes:
-        connect: the router's endpoint.
-        robot: its name on the bus.
+        connect: a router's endpoint; by default all of this user's on this machine.
+        robot: its name on the bus; by default all that are there.
         reason: for the people who ask later.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    connect: str | None = None
+    robot: str | None = None
     reason: str = ""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `resume`.
+
+    Attributes:
+        connect: the router's endpoint; by default that of the run that is here.
+        robot: its name on the bus; by default the one that is there.
+    """
+
+    connect: str | None = None
+    robot: str | None = None
 
 
 @dataclass(frozen=True)
@@ -55,23 +75,57 @@ class CtlOptions:
     Attributes:
         words: what to do: pause, resume, step [TICKS], reset [SEED], task TASK [SEED], weight
             NAME=VALUE, parameter NAME=VALUE, planner NAME=VALUE, stop [REASON...] or stand.
-        connect: the router's endpoint.
-        robot: its name on the bus.
+        connect: the router's endpoint; by default that of the run that is here.
+        robot: its name on the bus; by default the one that is there.
     """
 
     words: Annotated[tuple[str, ...], tyro.conf.Positional]
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    connect: str | None = None
+    robot: str | None = None
 
 
-def stop(options: Options) -> int:
-    """Make the robot sit down, whatever it does."""
-    return _command(options.connect, options.robot, "stop", value=options.reason)
+def stop(options: StopOptions) -> int:
+    """Make robots sit down, whatever they do; 3 if one did not answer."""
+    search = Search(options.connect, options.robot)
+    look = _robots(search)
+    failed = bool(look.silent)
+    with ThreadPoolExecutor(max(1, len(look.places))) as pool:
+        told = [pool.submit(_command, place, "stop", value=options.reason) for place in look.places]
+        for answer in as_completed(told):
+            try:
+                print(answer.result(), flush=True)
+            except SumoError as error:
+                failed = True
+                print(f"sumo-dist: {error}", file=sys.stderr, flush=True)
+    for router in look.silent:
+        print(
+            f"sumo-dist: the router at {router.endpoint} ({router.what}, process {router.pid}) "
+            "does not answer: what runs there was not stopped",
+            file=sys.stderr,
+        )
+    return SumoError.exit_code if failed else 0
+
+
+def _robots(search: Search) -> Look:
+    """Return all robots to stop, waiting for those that are starting.
+
+    Raises:
+        SumoError: there is none.
+    """
+    if search.known is not None:
+        return Look([search.known], [], [])
+    deadline = time.monotonic() + STARTING_S
+    while not (look := search.look()).places:
+        if time.monotonic() >= deadline or not (look.routers or look.silent):
+            raise SumoError(search.nobody(look))
+        time.sleep(AGAIN_S)
+    return look
 
 
 def resume(options: Options) -> int:
     """Let a robot that has stopped get up and go on."""
-    return _command(options.connect, options.robot, "stand")
+    print(_command(Search(options.connect, options.robot).one(), "stand"))
+    return 0
 
 
 def main(options: CtlOptions) -> int:
@@ -80,7 +134,9 @@ def main(options: CtlOptions) -> int:
         raise unknown("command", " ".join(options.words[:1]), get_args(Verb))
     verb, *words = options.words
     name, value = _parsed(verb, words)
-    return _command(options.connect, options.robot, verb, name, value)  # pyright: ignore[reportArgumentType]
+    place = Search(options.connect, options.robot).one()
+    print(_command(place, verb, name, value))  # pyright: ignore[reportArgumentType]
+    return 0
 
 
 def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
@@ -103,19 +159,22 @@ def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
     return "", words[0] if words else ""
 
 
-def _command(endpoint: str, robot: str, verb: Verb, name: str = "", value: str = "") -> int:
-    """Send a command until the robot answers."""
+def _command(place: Place, verb: Verb, name: str = "", value: str = "") -> str:
+    """Send a command until the robot answers; return what came of it."""
     user = re.sub(r"[^A-Za-z0-9-]", "-", getpass.getuser()).strip("-")[:40] or "somebody"
     sender = f"{user}-{secrets.token_hex(3)}"
     message = CommandMessage("any", 0, sender, verb, name, value)
-    with Bus.dial(endpoint, robot) as bus:
+    if nobody_listens(place.endpoint):
+        raise SumoError(f"{place} cannot be told to {verb}: no router answers there")
+    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S) as bus:
         answers = bus.newest(Ack, address=sender)
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             bus.publish(message)
             if (ack := answers.wait(AGAIN_S)) is not None:
                 if ack.refusal:
-                    raise SumoError(f"{robot} refuses to {verb}: {ack.refusal}")
-                print(f"{robot}: {verb} at tick {ack.tick}")
-                return 0
-    raise SumoError(f"{robot} did not answer within {PATIENCE_S:g} s: it is not at {endpoint}")
+                    raise SumoError(f"{place.who} refuses to {verb}: {ack.refusal}")
+                return f"{place.who}: {verb} at tick {ack.tick}"
+    raise SumoError(
+        f"{place.who} did not answer within {PATIENCE_S:g} s: it is not at {place.endpoint}"
+    )

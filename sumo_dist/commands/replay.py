@@ -9,7 +9,10 @@ import tyro
 
 from sumo_dist.episode.single import repeat
 from sumo_dist.errors import UsageError
+from sumo_dist.record.folders import RECORDING, RUNS, newest_run
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.world import unchanged_task
+from sumo_dist.terminal import say
 
 
 @dataclass(frozen=True)
@@ -17,14 +20,14 @@ class Options:
     """Options of `replay`.
 
     Attributes:
-        run: folder that a run was written to.
+        run: folder that a run was written to; by default the newest below runs/.
         viewer: show it in Rerun: native or web.
         render: write a film to this file instead, .mp4 or .gif, or a strip of pictures, .jpg.
         repeat: run it again in this process, with the commands that it was given, and say whether
             plans and states are the same to the last bit.
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
+    run: Annotated[Path | None, tyro.conf.Positional] = None
     viewer: str = "web"
     render: Path | None = None
     repeat: bool = False
@@ -32,8 +35,12 @@ class Options:
 
 def main(options: Options) -> int:
     """Show, render or repeat."""
-    recording = Recording.load(options.run / "run.npz")
+    folder = options.run or _newest()
+    if folder.name == RECORDING:
+        folder = folder.parent
+    recording = Recording.load(folder / RECORDING)
     if options.repeat:
+        unchanged_task(recording)
         return _repeat(recording)
     from sumo_dist.view import replay  # needs the view extra
 
@@ -43,11 +50,19 @@ def main(options: Options) -> int:
             raise UsageError(f"cannot render {options.render.name}; valid endings: {valid}")
         replay.render(recording, options.render)
         print(f"wrote {options.render}")
-    elif (trace := options.run / "run.rrd").exists():  # has the candidates of a distributed run
+    elif (trace := folder / "run.rrd").exists():  # has the candidates of a distributed run
         replay.show_file(trace, options.viewer)
     else:
         replay.show(recording, options.viewer)
     return 0
+
+
+def _newest() -> Path:
+    folder = newest_run(RUNS)
+    if folder is None:
+        raise UsageError(f"no run below {RUNS.absolute()}: name the folder of one")
+    say(f"the newest run: {folder}")
+    return folder
 
 
 def _repeat(recording: Recording) -> int:

@@ -1,6 +1,5 @@
 """`sumo-dist run`: one task, in this process or by services over Zenoh."""
 
-import shutil
 import sys
 import time
 from dataclasses import dataclass
@@ -12,13 +11,15 @@ import tyro
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
-from sumo_dist.episode.summary import keep, one_line, read_summary
+from sumo_dist.episode.summary import has_summary, keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import cores
+from sumo_dist.record.folders import RUNS, last_episode, run_folder
+from sumo_dist.signals import INTERRUPTED, uninterrupted
 from sumo_dist.tasks import load_task
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
+from sumo_dist.terminal import say
 
 VIEWERS = ("web", "native", "none")
 
@@ -42,16 +43,19 @@ class Options:
             and command link that the planner knows nothing of.
         time_limit: robot time [s]; the task's own by default.
         viewer: web, native or none.
-        out: folder for summary.json, run.npz and run.rrd.
+        out: folder for summary.json, run.npz and run.rrd; by default a new one below runs/.
         set: planner settings as key=value; `sumo-dist list` names all.
         weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list` names all.
         param: the task's parameters as name=number or name=number,number, such as goal=1,0.
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
+            By default tcp/127.0.0.1:7447, or a free port where another run has that.
         wait: how long the robot waits for an answer before the run ends [s].
         resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
             before the run ends [s].
         stay: when an episode has ended, wait for `sumo-dist ctl reset` or `ctl task` until Ctrl-C.
+        give_way: the rollouts let other programs of this machine go first; with --no-give-way
+            plans stay faster beside them, and they become slower.
     """
 
     task: Annotated[str, tyro.conf.Positional]
@@ -71,10 +75,11 @@ class Options:
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
-    listen: str = DEFAULT_ENDPOINT
+    listen: str | None = None
     wait: float = 60.0
     resume_wait: float = 0.0
     stay: bool = False
+    give_way: bool = True
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
@@ -87,11 +92,6 @@ class Options:
             param=self.param,
         )
 
-    def folder(self) -> Path:
-        """Return where the run is written."""
-        stamp, name = time.strftime("%Y%m%d-%H%M%S"), load_task(self.task).name
-        return self.out or Path("runs", f"{stamp}-{name.replace('/', '_')}-{self.seed}")
-
 
 def main(options: Options) -> int:
     """Run, print the one line, return the exit code."""
@@ -103,36 +103,25 @@ def main(options: Options) -> int:
         raise UsageError(f"threads must be from 1 to 256, got {threads}")
     if options.viewer not in VIEWERS:
         raise unknown("viewer", options.viewer, VIEWERS)
-    episode, out = options.episode(), options.folder()
+    episode = options.episode()
     _prepare(episode)
-    _make_folder(out)
-    if workers == 0:
-        code = _single(episode, threads, out)
-    else:
-        from sumo_dist.launch.deployment import Deployment, run_distributed
-
-        viewer = options.viewer if _has_view() else None
-        deployment = Deployment(
-            episode,
-            workers,
-            threads,
-            out,
-            viewer,
-            _speed(options),
-            options.wait,
-            options.resume_wait,
-            options.stay,
-        )
-        code = run_distributed(deployment, options.listen)
-    last = _last_episode(out)
-    print(f"{one_line(read_summary(last))}; in {last}")
+    with run_folder(options.out, _default_folder(episode)) as out:
+        try:
+            if workers == 0:
+                code = _single(episode, threads, out)
+            else:
+                code = _distributed(options, episode, workers, threads, out)
+        except KeyboardInterrupt:  # what has begun is kept by now
+            code = INTERRUPTED
+        last = last_episode(out)
+        if code != INTERRUPTED or has_summary(last):
+            say(f"{one_line(read_summary(last))}; in {last}", sys.stdout)
     return code
 
 
-def _last_episode(out: Path) -> Path:
-    """Folder of the last episode of a session: a reset or another task begins a new one."""
-    numbers = [int(p.name.removeprefix("episode-")) for p in out.glob("episode-[0-9]*")]
-    return out / f"episode-{max(numbers)}" if numbers else out
+def _default_folder(episode: EpisodeConfig) -> Path:
+    stamp, name = time.strftime("%Y%m%d-%H%M%S"), load_task(episode.task).name
+    return Path(RUNS, f"{stamp}-{name.replace('/', '_')}-{episode.seed}")
 
 
 def _prepare(episode: EpisodeConfig) -> None:
@@ -141,17 +130,6 @@ def _prepare(episode: EpisodeConfig) -> None:
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
     problem.engine(1, episode.engine).close()
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for before in (out / "summary.json", out / "run.rrd"):
-            before.unlink(missing_ok=True)
-        for before in out.glob("episode-[0-9]*"):
-            shutil.rmtree(before)
-    except OSError as error:
-        raise UsageError(f"cannot write to {out}: {error.strerror}") from None
 
 
 def _speed(options: Options) -> float | None:
@@ -166,29 +144,43 @@ def _speed(options: Options) -> float | None:
     return speed
 
 
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
-
-
 def _has_view() -> bool:
     """Whether the view extra is installed; if not, say what that means."""
     if find_spec("rerun") is None:
-        _say("no .rrd is written: install the view extra, pip install 'sumo-dist[view]'")
+        say("no .rrd is written: install the view extra, pip install 'sumo-dist[view]'")
         return False
     return True
+
+
+def _distributed(
+    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path
+) -> int:
+    from sumo_dist.launch.deployment import Deployment, run_distributed
+
+    deployment = Deployment(
+        *(episode, workers, threads, out),
+        viewer=options.viewer if _has_view() else None,
+        speed=_speed(options),
+        wait=options.wait,
+        resume_wait=options.resume_wait,
+        stay=options.stay,
+        give_way=options.give_way,
+    )
+    return run_distributed(deployment, options.listen)
 
 
 def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
     from sumo_dist.episode.single import run_single
 
     terms = [term.name for term in load_task(episode.task).cost]
-    recording, ending = run_single(episode, threads, Progress(terms, _say))
-    keep(recording, ending, out)
+    recording, ending = run_single(episode, threads, Progress(terms, say))
+    with uninterrupted():
+        keep(recording, ending, out)
     if _has_view():
         from sumo_dist.view import replay
 
         try:
             replay.to_rrd(recording, out / "run.rrd")
         except SumoError as error:
-            _say(f"no run.rrd: {error}")
+            say(f"no run.rrd: {error}")
     return ending.exit_code

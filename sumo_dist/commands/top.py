@@ -9,9 +9,9 @@ from typing import Any
 
 from sumo_dist.errors import UsageError
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.finding import ROUTER_S, Search
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.notices import Health
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 STALE_S = 2.0  # a service that said nothing for this long is shown as silent
 _CLEAR = "\x1b[H\x1b[J"  # to the top left, and all below is gone
@@ -22,15 +22,15 @@ class Options:
     """Options of `top`.
 
     Attributes:
-        connect: the router's endpoint.
-        robot: its name on the bus.
+        connect: the router's endpoint; by default that of the run that is here.
+        robot: its name on the bus; by default the one that is there.
         every: between two looks [s].
         times: how many looks; until Ctrl-C by default.
         json: one JSON object a look, for logs, instead of a screen.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    connect: str | None = None
+    robot: str | None = None
     every: float = 1.0
     times: int | None = None
     json: bool = False
@@ -86,7 +86,8 @@ class Board:
 
 def main(options: Options) -> int:
     """Show the services until told to stop."""
-    with Bus.dial(options.connect, options.robot) as bus:
+    place = Search(options.connect, options.robot).one()
+    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S) as bus:
         board, members = Board(), bus.watch()
         bus.subscribe(Health, board.take)
         looks = 0
@@ -98,7 +99,7 @@ def main(options: Options) -> int:
                 print(json.dumps(look(rows, alive)), flush=True)
             else:
                 clear = _CLEAR if sys.stdout.isatty() else ""
-                print(clear + screen(options.robot, rows, alive), flush=True)
+                print(clear + screen(place.who, rows, alive), flush=True)
     return 0
 
 
@@ -110,10 +111,10 @@ def look(rows: Iterable[Row], alive: Iterable[Member]) -> dict[str, Any]:
     }
 
 
-def screen(robot: str, rows: list[Row], alive: Iterable[Member]) -> str:
+def screen(who: str, rows: list[Row], alive: Iterable[Member]) -> str:
     """Lay one look out: a line a service, then its counters that are not zero."""
     there = ", ".join(sorted(f"{member.role} {member.id}" for member in alive)) or "nobody"
-    lines = [f"{robot}: {there}", ""]
+    lines = [f"{who}: {there}", ""]
     width = max((len(row.name) for row in rows), default=0)
     for row in rows:
         told = ", ".join(f"{name} {value}" for name, value in row.counters.items() if value != 0)

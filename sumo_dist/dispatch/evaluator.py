@@ -103,6 +103,8 @@ class RemoteEvaluator:
         """
         if self._problem is None or problem.hash != self._problem.hash:
             self.workers.forgive()
+        if asdict(settings) != self._settings or problem is not self._problem:
+            self.workers.measure_again()
         self._problem, self._settings = problem, asdict(settings)
         self._deadline, self.reissued, self.waited_s = deadline, 0, 0.0
 

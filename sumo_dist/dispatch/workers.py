@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sumo_dist.dispatch.busy import BusyWatch
+from sumo_dist.dispatch.silences import Silences
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
 from sumo_dist.wire.keys import SCHEMA, Member
@@ -16,6 +18,7 @@ PROBE_S = 1.0  # how often a worker that is passed over, or has never answered, 
 SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
 TIMELY_MEMORY = 0.9  # likewise in the share of its rows that come in time
 FIRST = 32  # workers that are asked at a time while none has answered
+MEASURED_ANSWERS = 20  # after so many a worker's speed counts as measured
 LEAST_TIMELY = 0.05  # of a worker that is never in time, so that it is still asked for something
 
 
@@ -44,6 +47,8 @@ class Worker:
         asked, heard: time.monotonic() of the last request and answer, 0 before the first.
         lost: rows it was asked for and did not answer in time.
         timely: share of its rows that come in time.
+        answers: so far, to questions of the same kind.
+        measured: its highest speed at them, as an average of many answers.
     """
 
     member: Member
@@ -55,6 +60,8 @@ class Worker:
     heard: float = 0.0
     lost: int = 0
     timely: float = 1.0
+    answers: int = 0
+    measured: float = 0.0
 
     @property
     def pace(self) -> float:
@@ -70,6 +77,13 @@ class Worker:
         """Learn its speed; from late answers too: those in time alone would flatter it."""
         speed = rows / max(compute_ms, 1e-3)
         self.speed = SPEED_MEMORY * self.speed + (1.0 - SPEED_MEMORY) * speed
+        self.answers += 1
+        if self.answers >= MEASURED_ANSWERS:
+            self.measured = max(self.measured, self.speed)
+
+    def measure_again(self) -> None:
+        """Forget how fast it was: the questions are of another kind now."""
+        self.answers, self.measured = 0, 0.0
 
     def took(self, share: float) -> None:
         """Learn which share of a plan's rows came in time."""
@@ -82,6 +96,7 @@ class Workers:
     def __init__(self, build: str, tell: Tell) -> None:
         """Expect workers of an engine's build; `tell(level, text)` hears what users should know."""
         self._build, self._tell = build, tell
+        self._silences, self._busy = Silences(tell), BusyWatch(tell)
         self._workers: dict[str, Worker] = {}
 
     def __len__(self) -> int:
@@ -130,6 +145,7 @@ class Workers:
                 self._tell("info", f"worker {member.id} joined")
         elif (known := self._workers.get(member.id)) and known.member == member:
             del self._workers[member.id]
+            self._silences.left(member.id)
             self._tell("warning", f"worker {member.id} left")
             return True
         return False
@@ -137,7 +153,7 @@ class Workers:
     def heard(self, worker: Worker) -> None:
         """Note an answer."""
         if worker.misses >= MISSES_TO_SUSPEND and worker.heard:
-            self._tell("info", f"worker {worker.member.id} answers again")
+            self._silences.ended(worker.member.id)
         worker.misses, worker.heard = 0, time.monotonic()
 
     def refused(self, worker: Worker, reason: str) -> None:
@@ -153,7 +169,18 @@ class Workers:
         if worker is not None:
             worker.misses += 1
             if worker.misses == MISSES_TO_SUSPEND and worker.heard:
-                self._tell("warning", f"worker {name} does not answer: it is passed over")
+                self._silences.began(name)
+
+    @property
+    def slowdown(self) -> float:
+        """How many times as long as measured the rollouts take; 1 where nothing is measured."""
+        known = [w for w in list(self._workers.values()) if w.measured > 0]
+        return sum(w.measured for w in known) / sum(w.speed for w in known) if known else 1.0
+
+    def measure_again(self) -> None:
+        """Forget how fast they were: the plans are of another kind now."""
+        for worker in list(self._workers.values()):
+            worker.measure_again()
 
     def forgive(self) -> None:
         """Ask those again that refused: the task is another one now."""
@@ -161,7 +188,9 @@ class Workers:
             worker.refusal, worker.refusals = misfit(worker.member, self._build), 0
 
     def publish_health(self, bus: Bus) -> None:
-        """Tell of each worker; called on another thread than the rest."""
+        """Tell of each worker and of them all; called on another thread than the rest."""
+        self._silences.look()
+        self._busy.look(self.slowdown)
         now = time.monotonic()
         for name, worker in list(self._workers.items()):
             silent = "has not answered yet" if not worker.heard else "passed over"

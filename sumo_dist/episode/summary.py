@@ -11,6 +11,7 @@ from sumo_dist.errors import SumoError
 from sumo_dist.record.recording import Recording
 from sumo_dist.timing import TICK
 
+_SUMMARY = "summary.json"
 _TROUBLES = ("missed_deadlines", "partial_plans", "rollouts_lost")
 
 
@@ -74,15 +75,20 @@ def keep(recording: Recording, ending: Ending, folder: Path) -> None:
 
 def write_summary(summary: dict[str, Any], folder: Path) -> None:
     """Write DIR/summary.json."""
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    (folder / _SUMMARY).write_text(json.dumps(summary, indent=2) + "\n")
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """Read DIR/summary.json."""
     try:
-        return json.loads((folder / "summary.json").read_text())
+        return json.loads((folder / _SUMMARY).read_text())
     except (OSError, json.JSONDecodeError) as error:
-        raise SumoError(f"the run left no readable {folder / 'summary.json'}: {error}") from None
+        raise SumoError(f"the run left no readable {folder / _SUMMARY}: {error}") from None
+
+
+def has_summary(folder: Path) -> bool:
+    """Whether there is a DIR/summary.json: a run that ends before its episode begins has none."""
+    return (folder / _SUMMARY).exists()
 
 
 def one_line(summary: dict[str, Any]) -> str:

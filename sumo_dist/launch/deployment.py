@@ -8,8 +8,11 @@ from typing import Any
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import UsageError
 from sumo_dist.launch import serve
-from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
+from sumo_dist.launch.endpoint import router_endpoint
+from sumo_dist.launch.launcher import Launcher, Service, dialled
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
+from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Deployment:
         wait: how long the robot waits for an answer [s].
         resume_wait: how long a stopped robot waits to be told to stand [s].
         stay: the robot waits for another episode when one has ended.
+        give_way: the workers let everything else on this machine go first.
     """
 
     episode: EpisodeConfig
@@ -37,6 +41,7 @@ class Deployment:
     wait: float
     resume_wait: float = 0.0
     stay: bool = False
+    give_way: bool = True
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
@@ -45,10 +50,17 @@ class Deployment:
             raise UsageError(f"resume-wait must be from 0 to 86400 s, got {self.resume_wait}")
 
 
-def run_distributed(deployment: Deployment, listen: str) -> int:
-    """Start everybody, wait for the robot to end, stop everybody; return the robot's exit code."""
-    endpoint = listening(listen)
-    with Launcher() as launcher:
+def run_distributed(deployment: Deployment, listen: str | None) -> int:
+    """Start everybody, wait for the robot to end, stop everybody; return the robot's exit code.
+
+    Args:
+        deployment: who takes part.
+        listen: the router's endpoint; None takes the usual port, or a free one.
+    """
+    what = f"{load_task(deployment.episode.task).name} in {deployment.out}"
+    with router_endpoint(listen, what) as endpoint, Launcher() as launcher:
+        if listen is None and endpoint != DEFAULT_ENDPOINT:
+            say(f"the port of {DEFAULT_ENDPOINT} is taken: this run is at {endpoint}")
         launcher.start(Service("router", "router", serve.Router(endpoint)))
         for service in services(deployment, dialled(endpoint)):
             launcher.start(service)
@@ -72,7 +84,11 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
     yield Service("optimizer", "optimizer", serve.Optimizer(engine=episode.engine, **bus))
     for i in range(deployment.workers):
         worker = serve.Worker(
-            name=f"local-{i}", threads=deployment.threads, engine=episode.engine, **bus
+            name=f"local-{i}",
+            threads=deployment.threads,
+            engine=episode.engine,
+            give_way=deployment.give_way,
+            **bus,
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
     if deployment.viewer is not None:

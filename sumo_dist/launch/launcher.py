@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from sumo_dist.errors import SumoError
+from sumo_dist.terminal import say
 from sumo_dist.wire.session import checked_endpoint
 
 PARENT = "SUMO_DIST_PARENT"  # a service whose launcher dies ends too
@@ -97,10 +98,7 @@ class Launcher:
             raise SumoError(f"{service.name} ended with exit code {code}; see its messages above")
         if service.name not in self._noted:
             self._noted.add(service.name)
-            print(
-                f"sumo-dist: {service.name} ended ({_cause(code)}), the run goes on",
-                file=sys.stderr,
-            )
+            say(f"sumo-dist: {service.name} ended ({_cause(code)}), the run goes on")
 
     def __enter__(self) -> "Launcher":
         return self

@@ -1,14 +1,14 @@
 """The services as commands: signals, logging and the launcher's death around each of them."""
 
 import os
-import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from sumo_dist.launch import logs
+from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import PARENT
 from sumo_dist.priority import go_first
 from sumo_dist.services import estimator as estimator_service
@@ -17,6 +17,7 @@ from sumo_dist.services import robot as robot_service
 from sumo_dist.services import router as router_service
 from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services import worker as worker_service
+from sumo_dist.signals import on_ending
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 Estimator = estimator_service.EstimatorOptions
@@ -41,7 +42,9 @@ class Router:
 
 def router(options: Router) -> int:
     """Route until stopped."""
-    with service(first=True) as stop:
+    with service(first=True) as stop, ExitStack() as stack:
+        if PARENT not in os.environ:  # else the launcher has left a note
+            stack.enter_context(router_endpoint(options.listen, ""))
         router_service.serve(options.listen, stop, options.config)
     return 0
 
@@ -63,7 +66,7 @@ def optimizer(options: Optimizer) -> int:
 def worker(options: Worker) -> int:
     """Roll out until stopped."""
     with service() as stop:
-        worker_service.run(options, stop)
+        worker_service.run(options, stop, aloud=PARENT not in os.environ)
     return 0
 
 
@@ -82,7 +85,7 @@ def robot(options: Robot) -> int:
 
 @contextmanager
 def service(first: bool = False) -> Iterator[threading.Event]:
-    """Yield the event that says stop: set by SIGINT, SIGTERM and the launcher's death.
+    """Yield the event that says stop: set by the signals that end it and the launcher's death.
 
     With `first`, the service is one that the robot waits for.
     """
@@ -90,8 +93,7 @@ def service(first: bool = False) -> Iterator[threading.Event]:
     if first:
         go_first()
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    on_ending(lambda *_: stop.set())
     if parent := os.environ.get(PARENT):
         watch = threading.Thread(target=_outlive_no, args=(int(parent), stop), daemon=True)
         watch.start()

@@ -1,13 +1,45 @@
 """Folders of runs: one each, also for those that begin in the same instant."""
 
+import fcntl
+import os
+import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
 from sumo_dist.errors import UsageError
 
+RUNS = Path("runs")  # where runs are written to that are given no folder
 RECORDING = "run.npz"
+_WRITTEN = (RECORDING, "summary.json", "run.rrd")
 _EPISODES = "episode-[0-9]*"
+
+
+@contextmanager
+def run_folder(given: Path | None, default: Path) -> Iterator[Path]:
+    """Have a folder that no other run writes to.
+
+    Args:
+        given: by the user; what an earlier run has left there is removed.
+        default: where none is given; it is new, and has a number after its name if need be.
+
+    Raises:
+        UsageError: it cannot be made, or another run writes to it.
+    """
+    try:
+        path = fresh_folder(default) if given is None else given
+        path.mkdir(parents=True, exist_ok=True)
+        lock = _locked(path)
+        if given is not None:
+            _empty(path)
+    except OSError as error:
+        raise UsageError(f"cannot write to {given or default}: {error.strerror}") from None
+    try:
+        yield path
+    finally:
+        if lock is not None:
+            os.close(lock)
 
 
 def fresh_folder(path: Path) -> Path:
@@ -16,22 +48,16 @@ def fresh_folder(path: Path) -> Path:
     Raises:
         UsageError: it cannot be made.
     """
+    folder, names = path, (path.with_name(f"{path.name}-{number}") for number in count(2))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        for folder in _numbered(path):
-            try:
+        while True:
+            with suppress(FileExistsError):  # of another run, perhaps one that began just now
                 folder.mkdir()
-            except FileExistsError:  # of another run, perhaps one that began just now
-                continue
-            return folder
+                return folder
+            folder = next(names)
     except OSError as error:
         raise UsageError(f"cannot write to {path}: {error.strerror}") from None
-    raise AssertionError("there is always a next number")
-
-
-def _numbered(path: Path) -> Iterator[Path]:
-    yield path
-    yield from (path.with_name(f"{path.name}-{number}") for number in count(2))
 
 
 def episode_folder(run: Path, number: int) -> Path:
@@ -47,12 +73,36 @@ def later_episodes(run: Path) -> list[Path]:
 
 def last_episode(run: Path) -> Path:
     """Folder of the last episode of a run: a reset or another task begins a new one."""
-    return (later_episodes(run) or [run])[-1]
+    return [run, *later_episodes(run)][-1]
 
 
-def newest_runs(runs: Path) -> list[Path]:
-    """Folders in a folder of runs that hold a recording, the newest first."""
-    found = [
-        path for pattern in ("*", f"*/{_EPISODES}") for path in runs.glob(f"{pattern}/{RECORDING}")
-    ]
-    return [path.parent for path in sorted(found, key=lambda p: p.stat().st_mtime, reverse=True)]
+def newest_run(runs: Path) -> Path | None:
+    """Folder in a folder of runs, or in one of them, that has the newest recording; None: none."""
+    found = [*runs.glob(f"*/{RECORDING}"), *runs.glob(f"*/{_EPISODES}/{RECORDING}")]
+    return max(found, key=lambda path: path.stat().st_mtime).parent if found else None
+
+
+def _locked(folder: Path) -> int | None:
+    """Lock a folder for as long as what is returned is open; None where that is not possible.
+
+    Raises:
+        UsageError: another run has it.
+    """
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise UsageError(f"another run writes to {folder}: give this one another --out") from None
+    except OSError:
+        os.close(lock)
+        return None
+    return lock
+
+
+def _empty(folder: Path) -> None:
+    """Remove what an earlier run has written."""
+    for name in _WRITTEN:
+        (folder / name).unlink(missing_ok=True)
+    for episode in later_episodes(folder):
+        shutil.rmtree(episode)

@@ -6,6 +6,7 @@ consumption are a slot with the newest message (`newest`) and a queue (`inbox`).
 
 import logging
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -31,6 +32,9 @@ from sumo_dist.wire.schema import WireError
 from sumo_dist.wire.session import open_client
 
 M = TypeVar("M", bound=Message)
+
+LEAVING_S = 1.5  # a service that was killed or cut off is seen for as long as this
+_REPORTED_S = 0.05  # those that are there are reported within milliseconds
 
 INBOX_LIMIT = 1000  # messages a consumer may be behind before newer ones are dropped
 
@@ -81,6 +85,19 @@ class Members:
     def now(self) -> frozenset[Member]:
         """Who is alive."""
         return self._members
+
+    def leave(self, rival: Callable[[Member], bool] = lambda _: True) -> bool:
+        """Return whether there is no rival, or none any more in a moment.
+
+        For who is about to announce itself under a name that one service only may have.
+        """
+        deadline = time.monotonic() + LEAVING_S
+        time.sleep(_REPORTED_S)
+        while any(map(rival, self._members)):
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(_REPORTED_S)
+        return True
 
     def update(self, member: Member, alive: bool) -> None:
         """Take note of a member; what is known already changes nothing."""

@@ -69,14 +69,25 @@ def alive_key(robot: str, member: Member) -> str:
 
 
 def alive_keys(robot: str, role: str) -> str:
-    """Key expression of the tokens of a role, or of ANY role, whatever their version and build."""
+    """Key expression of the tokens of a role, or of ANY, at a robot's bus, or at that of ANY.
+
+    Whatever their version and build.
+    """
+    robot = robot if robot == ANY else checked_name("robot", robot)
     role = role if role == ANY else checked_name("role", role)
-    return f"sumo/alive/{checked_name('robot', robot)}/{role}/*/*/*"
+    return f"sumo/alive/{robot}/{role}/*/*/*"
 
 
 def parse_alive(key: str) -> Member | None:
     """Return the member that a liveliness key names; None if it is not one of ours."""
+    return found[1] if (found := parse_presence(key)) is not None else None
+
+
+def parse_presence(key: str) -> tuple[str, Member] | None:
+    """Return the robot and the member that a liveliness key names; None if it is not of ours."""
     match key.split("/"):
-        case ["sumo", "alive", _, role, name, schema, build] if re.fullmatch(r"\d{1,9}", schema):
-            return Member(role, name, int(schema), unquote(build))
+        case ["sumo", "alive", robot, role, name, schema, build] if re.fullmatch(
+            r"\d{1,9}", schema
+        ):
+            return robot, Member(role, name, int(schema), unquote(build))
     return None

@@ -4,8 +4,10 @@ One router, everybody else a client that dials it. Zenoh's own defaults (listen 
 multicast, gossip, shared memory, a lease of 10 s) are all overridden.
 """
 
+import errno
 import json
 import re
+import socket
 import time
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,8 @@ from sumo_dist.errors import SumoError, UsageError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
-_ENDPOINT = r"(tcp|tls|quic)/(\[[0-9A-Fa-f:.]+\]|[\w.-]+):(?P<port>\d{1,5})([?#]\S*)?"
+_ENDPOINT = r"(tcp|tls|quic)/(?P<host>\[[0-9A-Fa-f:.]+\]|[\w.-]+):(?P<port>\d{1,5})([?#]\S*)?"
+_PROBE_S = 0.3
 _ATTEMPT_MS = 1000  # per try to connect: a frozen router accepts and never answers
 _COMMON = {
     "scouting/multicast/enabled": False,
@@ -105,3 +108,42 @@ def checked_endpoint(endpoint: str) -> str:
             f"or quic/HOST:PORT, such as {DEFAULT_ENDPOINT}"
         )
     return endpoint
+
+
+def port_of(endpoint: str) -> int:
+    """Return the port of an endpoint."""
+    return _address(endpoint)[1]
+
+
+def nobody_listens(endpoint: str) -> bool:
+    """Whether a machine refuses the connection at once; Zenoh would try again until its timeout."""
+    if endpoint.startswith("quic/"):  # it has no connections to refuse
+        return False
+    try:
+        socket.create_connection(_address(endpoint), _PROBE_S).close()
+    except ConnectionRefusedError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def is_free(endpoint: str) -> bool:
+    """Whether nobody on this machine listens on an endpoint; True where that cannot be told."""
+    kind = socket.SOCK_DGRAM if endpoint.startswith("quic/") else socket.SOCK_STREAM
+    try:
+        family, *_, address = socket.getaddrinfo(*_address(endpoint), type=kind)[0]
+        with socket.socket(family, kind) as probe:
+            if kind == socket.SOCK_STREAM:  # a port that was left a moment ago is free
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        return error.errno != errno.EADDRINUSE
+    return True
+
+
+def _address(endpoint: str) -> tuple[str, int]:
+    """Host and port of an endpoint."""
+    match = re.fullmatch(_ENDPOINT, checked_endpoint(endpoint))
+    assert match is not None, "it was checked"
+    return match["host"].strip("[]"), int(match["port"])
