@@ -19,6 +19,7 @@ class Serving:
     def __init__(self, place: Place, threads: int, aloud: bool) -> None:
         """Speak of a place; of what goes well only aloud."""
         self._place, self._aloud = place, aloud
+        self._where = f"{place.robot} at {place.endpoint}"
         self._threads = f"{threads} thread{'s' if threads > 1 else ''}"
         self._said = ""
         self._asked = time.monotonic()
@@ -27,9 +28,9 @@ class Serving:
         """Take note of an answer."""
         self._asked = time.monotonic()
         if reply.refusal:
-            self._say(logging.ERROR, f"not serving {self._place}: {reply.refusal}")
+            self._say(logging.ERROR, f"not serving {self._where}: {reply.refusal}")
         else:
-            self._say(logging.INFO, f"serving {self._place}: {request.task}, {self._threads}")
+            self._say(logging.INFO, f"serving {self._where}: {request.task}, {self._threads}")
 
     def idle(self, optimizers: Set[Member]) -> None:
         """Take note that nothing is asked while these optimizers are there."""
@@ -39,7 +40,7 @@ class Serving:
         others = Search(self._place.endpoint).look().places
         there = ", ".join(f"--robot {other.robot}" for other in others)
         hint = f"; there is work with {there}" if there else ""
-        self._say(logging.WARNING, f"nobody plans for {self._place}{hint}")
+        self._say(logging.WARNING, f"nobody plans for {self._where}{hint}")
 
     def _say(self, level: int, text: str) -> None:
         if text == self._said:

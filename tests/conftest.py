@@ -16,6 +16,7 @@ from sumo_dist.episode.single import run_single
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
+from sumo_dist.wire import routers
 from sumo_dist.wire.session import open_router
 
 Table = dict[str, list[Any]]  # column -> rows
@@ -31,6 +32,14 @@ class Rrd(NamedTuple):
 
     static: dict[str, Table]
     timed: dict[str, Table]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_runs(tmp_path_factory):
+    """Let no test find the runs of others on this machine, nor be found by them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(routers.VARIABLE, str(tmp_path_factory.mktemp("runtime", numbered=True)))
+        yield
 
 
 @pytest.fixture(scope="session")

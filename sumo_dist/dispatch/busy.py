@@ -25,7 +25,7 @@ class BusyWatch:
             others: cores that other programs have used since the call before; None if unknown.
         """
         self._tell, self._others = tell, others or OtherLoad().used
-        self._looked = self._told = -CALM_S
+        self._looked, self._told = time.monotonic(), -CALM_S
         self._busy = False
 
     def look(self, slowdown: float) -> None:

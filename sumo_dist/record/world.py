@@ -14,6 +14,7 @@ import numpy as np
 
 from sumo_dist.costs.parameters import Parameter
 from sumo_dist.costs.terms import CostTerm
+from sumo_dist.costs.view import View
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANT, Scene, SceneObject, compile_model
@@ -35,9 +36,9 @@ class World:
 
     Attributes:
         model: of the scene, with all that is only seen.
-        task: with everything but its functions: a recording that carries its world has the terms'
-            names and weights, the parameters, frames and goal, and no residuals, reset or success
-            test. Calling one of them raises a SumoError.
+        task: the recording's. Where its files have changed or gone since, it is what the recording
+            has of it, which is everything but its functions: of its residuals and its success test
+            nobody knows the values, which are nan, and it cannot be planned for.
     """
 
     model: mujoco.MjModel
@@ -54,17 +55,24 @@ class World:
         if not recording.model:
             task = unchanged_task(recording)
             return cls(compile_model(task.scene, PLANT), task)
-        made, here = recording.config["versions"]["mujoco"], versions()["mujoco"]
-        if made != here:
-            raise UsageError(
-                f"this recording was made with MuJoCo {made}, which alone can read its model; "
-                f"here it is {here}: pip install mujoco=={made}"
-            )
+        model = _model(recording)
         try:
-            model = mujoco.MjModel.from_binary_path(_FILE, {_FILE: recording.model})
-            return cls(model, _task(recording.config["task"]))
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise UsageError(f"this recording's world cannot be read: {error!r}") from None
+            return cls(model, unchanged_task(recording))
+        except UsageError:
+            return cls(model, _described(recording.config["task"]))
+
+
+def _model(recording: Recording) -> mujoco.MjModel:
+    made, here = recording.config["versions"]["mujoco"], versions()["mujoco"]
+    if made != here:
+        raise UsageError(
+            f"this recording was made with MuJoCo {made}, which alone can read its model; here it "
+            f"is {here}: pip install mujoco=={made}"
+        )
+    try:
+        return mujoco.MjModel.from_binary_path(_FILE, {_FILE: recording.model})
+    except ValueError as error:
+        raise UsageError(f"this recording's model cannot be read: {error}") from None
 
 
 def saved(model: mujoco.MjModel) -> bytes:
@@ -119,7 +127,7 @@ _TERM = ("name", "weight", "reduction")
 _PLAIN = ("success_hold", "time_limit", "trails", "controller", "source")
 
 
-def _task(described: Mapping[str, Any]) -> Task:
+def _described(described: Mapping[str, Any]) -> Task:
     """Return the task of a description, without functions."""
     robot, actions, goal = (_tupled(described[name]) for name in ("robot", "actions", "goal"))
     numbers = {name: np.array(actions[name], float) for name in ("lower", "upper", "default")}
@@ -129,9 +137,9 @@ def _task(described: Mapping[str, Any]) -> Task:
         scene=Scene(Robot(**{**robot, "safety": Safety(**_tupled(robot["safety"]))}), things),
         actions=ActionSpace(**{**actions, **numbers}, to_command=_absent),
         frames={name: FrameRef(**ref) for name, ref in described["frames"].items()},
-        cost=tuple(CostTerm(residual=_absent, **term) for term in described["cost"]),
+        cost=tuple(CostTerm(residual=_unknown, **term) for term in described["cost"]),
         reset=_absent,
-        success=_absent,
+        success=_unknown,
         parameters=tuple(Parameter(**_tupled(each)) for each in described["parameters"]),
         goal=Goal(**goal) if isinstance(goal, dict) else goal,
         **{name: _tupled(described[name]) for name in _PLAIN},
@@ -141,10 +149,12 @@ def _task(described: Mapping[str, Any]) -> Task:
 def _tupled(value: Any) -> Any:
     """Return what JSON has made a list of as a tuple, one level down in a dictionary."""
     if isinstance(value, dict):
-        return {
-            key: _tupled(each) if isinstance(each, list) else each for key, each in value.items()
-        }
+        return {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
     return tuple(value) if isinstance(value, list) else value
+
+
+def _unknown(view: View) -> np.ndarray:
+    return np.full(view.actions.shape[:2], np.nan)
 
 
 def _absent(*_: object) -> NoReturn:

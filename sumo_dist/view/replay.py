@@ -137,6 +137,7 @@ def render(recording: Recording, path: Path) -> None:
 
     if path.suffix not in FILMS:
         raise unknown("film format", path.suffix, FILMS)
+    World.of(recording)  # what is wrong with it is said here, in one line
     tried = []
     with TemporaryDirectory(prefix="sumo-dist-") as folder:
         source = Path(folder) / "run.npz"

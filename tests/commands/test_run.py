@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from sumo_dist.cli import main
-from sumo_dist.commands.run import _last_episode as last_episode
 from sumo_dist.policies.fetch import cached
 from sumo_dist.policies.manifest import pinned_policy
+from sumo_dist.record.folders import last_episode
 from sumo_dist.record.recording import Recording
 
 QUICK = ["--set", "rollouts=6", "--set", "horizon=0.3", "--viewer", "none"]
@@ -191,7 +191,6 @@ def test_a_corrupt_policy_file_is_named_with_what_heals_it(tmp_path):
     assert err.count("sumo-dist: ") == 1
 
 
-@pytest.mark.slow
 def test_a_taken_port_ends_the_run_with_its_reason(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
@@ -199,7 +198,7 @@ def test_a_taken_port_ends_the_run_with_its_reason(tmp_path):
         code, out, err = sumo_dist("run", "spot/move_box", *args)
     assert (code, out) == (3, "")
     assert f"cannot listen on {endpoint}: the port is taken, perhaps by another router" in err
-    assert "sumo-dist: router ended with exit code 3" in err
+    assert err.count("\n") == 1  # nobody was started who would join those who have the port
 
 
 def descendants(pid):
