@@ -64,6 +64,14 @@ def test_only_the_robot_is_told_what_to_do():
     assert {s.options.engine for s in others[1:4]} == {"fallback"}
 
 
+@pytest.mark.parametrize("give_way", [True, False])
+def test_workers_give_way_unless_told_not_to(give_way):
+    found = services(deployment(PLAIN, give_way=give_way), ENDPOINT)
+    workers = [service for service in found if service.command == "rollout-worker"]
+    assert [worker.options.give_way for worker in workers] == [give_way] * 2
+    assert ("--no-give-way" in flags(workers[0].options)) is not give_way
+
+
 def test_without_a_viewer_there_is_no_tracer():
     assert "tracer" not in [s.name for s in services(deployment(FULL, viewer=None), ENDPOINT)]
 

@@ -85,7 +85,7 @@ def test_without_a_model_the_task_must_be_as_it_was(short_run, move_box):
 
 def test_another_mujoco_and_a_broken_model_are_one_line(short_run):
     versions = {**short_run.config["versions"], "mujoco": "3.6.0"}
-    with pytest.raises(UsageError, match=r"made with MuJoCo 3\.6\.0, which alone can read its model"):
+    with pytest.raises(UsageError, match=r"made with MuJoCo 3\.6\.0, which alone can"):
         World.of(replace(short_run, config={**short_run.config, "versions": versions}))
     for model in (b"x", short_run.model[:-1000], short_run.model[:100], b"\0" * 400_000):
         with pytest.raises(UsageError, match="this recording's model cannot be read"):

@@ -1,22 +1,29 @@
+import os
 import re
+import subprocess
+import sys
 import threading
 import time
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from sumo_dist.episode.assemble import draw_start
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
+from sumo_dist.services import serving
 from sumo_dist.services.worker import EvaluatorCache, Inbox, WorkerOptions, run, unique_name
 from sumo_dist.tasks import load_task
+from sumo_dist.wire import finding, routers
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import checked_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
+from sumo_dist.wire.session import open_router
 
 
 @pytest.fixture(scope="module")
@@ -208,6 +215,88 @@ def test_a_name_is_free_again_once_its_worker_has_left(router, robot, eventually
         finally:
             stop.set()
             worker.join(30.0)
+
+
+@contextmanager
+def working(options):
+    """A worker in a thread."""
+    stop = threading.Event()
+    worker = threading.Thread(target=run, args=(replace(options, give_way=False), stop))
+    worker.start()
+    try:
+        yield worker
+    finally:
+        stop.set()
+        worker.join(30.0)
+
+
+def test_a_worker_that_is_told_nothing_finds_its_robot_and_says_whom_it_serves(
+    asked, endpoint, tmp_path, monkeypatch, caplog, eventually
+):
+    monkeypatch.setenv(routers.VARIABLE, str(tmp_path / "runtime"))
+    monkeypatch.setattr(finding, "DEFAULT_ENDPOINT", endpoint)
+    caplog.set_level("INFO", logger="sumo_dist.worker")
+
+    def said(text):
+        return [r.getMessage() for r in caplog.records if text in r.getMessage()]
+
+    with working(WorkerOptions(name="w-1")), ExitStack() as stack:
+        stack.enter_context(open_router(endpoint))  # after the worker, and the robot after that
+        assert eventually(lambda: said("waiting for one"), 30.0)
+        bus = stack.enter_context(Bus.dial(endpoint, "g1", run="run"))
+        bus.announce("robot", "main")
+        replies, workers = bus.inbox(RolloutReply), bus.watch("worker")
+        assert eventually(lambda: workers.now, 30.0)
+        for number in (3, 4, 5):
+            bus.publish(replace(asked, number=number))
+            assert replies.get(timeout=60.0).refusal == ""
+        for number in (6, 7, 8):
+            bus.publish(replace(asked, number=number, task_hash="0123"))
+            assert replies.get(timeout=60.0).refusal
+        bus.publish(replace(asked, number=9))
+        assert replies.get(timeout=60.0).refusal == ""
+        line = f"serving g1 at {endpoint}: spot/move_box, 1 thread"
+        assert eventually(lambda: len(said("serving g1")) == 3)
+    whom, why, again = said("serving g1")
+    assert whom == again == line
+    assert "the task's files differ between the hosts" in why
+    assert len(said("waiting")) == 1
+
+
+def test_a_worker_for_a_robot_that_nobody_plans_for_says_who_is_there(
+    router, robot, monkeypatch, caplog, eventually
+):
+    monkeypatch.setattr(serving, "PATIENCE_S", 0.2)
+    with Bus.dial(router, f"{robot[:50]}-other") as bus:
+        bus.announce("robot", "main")
+        with working(WorkerOptions(router, robot, "w-1")):
+            line = f"nobody plans for {robot} at {router}; there is work with "
+            assert eventually(lambda: line in caplog.text, 30.0)
+            assert f"--robot {robot[:50]}-other" in caplog.text
+            time.sleep(1.0)
+    assert caplog.text.count("nobody plans") == 1
+
+
+def test_a_worker_does_not_choose_among_robots(router, robot):
+    with Bus.dial(router, f"{robot[:50]}-1") as one, Bus.dial(router, f"{robot[:50]}-2") as two:
+        one.announce("robot", "main")
+        two.announce("robot", "main")
+        with pytest.raises(UsageError, match=r"robots are here, choose one: .*--robot \S+-1 for"):
+            run(WorkerOptions(router, name="w-1", give_way=False), threading.Event())
+
+
+@pytest.mark.parametrize(("give_way", "niceness"), [(True, 10), (False, 0)])
+def test_a_worker_gives_way_unless_told_not_to(router, robot, give_way, niceness):
+    code = (
+        "import os, threading; from sumo_dist.services.worker import WorkerOptions, run\n"
+        "stop = threading.Event(); stop.set(); before = os.nice(0)\n"
+        f"run(WorkerOptions({router!r}, {robot!r}, 'w-1', give_way={give_way}), stop)\n"
+        "print(os.nice(0) - before)"
+    )
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    ours = os.nice(0)
+    assert int(done.stdout) == min(niceness, 19 - ours)
 
 
 def test_a_default_name_is_unique_on_the_bus():
