@@ -22,11 +22,11 @@ from sumo_dist.episode.summary import keep
 from sumo_dist.errors import Interrupted, Stopped, SumoError
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.priority import goes_first
-from sumo_dist.record.folders import episode_folder
+from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
-from sumo_dist.wire.keys import BY_HAND, Member
+from sumo_dist.wire.keys import Member
 from sumo_dist.wire.messages import EpisodeInfo
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -39,8 +39,8 @@ class RobotOptions:
         episode: what to do first.
         connect: the router's endpoint.
         robot: its name on the bus.
-        out: folder for run.npz and summary.json; later episodes of the session have their files in
-            episode-2 and so on below it.
+        out: folder for run.npz and summary.json, by default a new one below runs/; later episodes
+            of the session have their files in episode-2 and so on below it.
         speed: of the realtime clock, robot time per wall time; None fits it to the planner.
         wait: how long to wait for an answer before giving up [s].
         resume_wait: how long a robot that has stopped in realtime waits to be told to stand
@@ -51,7 +51,7 @@ class RobotOptions:
     episode: EpisodeConfig
     connect: str = DEFAULT_ENDPOINT
     robot: str = "spot"
-    out: Path = Path("runs", BY_HAND)
+    out: Path | None = None
     speed: float | None = None
     wait: float = 30.0
     resume_wait: float = 0.0
@@ -141,12 +141,12 @@ class Session:
 
     def _play(self, config: EpisodeConfig, number: int) -> tuple[Ending, EpisodeConfig | None]:
         """Run an episode; return how it ended and what follows it."""
-        out = episode_folder(self._options.out, number)
+        run = f"{self._id}.{number}"
+        out = episode_folder(self._options.out or by_hand(run), number)
         self._episode = episode = Episode.assemble(config)
         self._progress = Progress(
             episode.problem.task.table.terms, lambda line: self._tell("info", line)
         )
-        run = f"{self._id}.{number}"
         info = EpisodeInfo(run, config.to_json(), episode.problem.hash, number)
         self._link.enter(episode, info)
         self._began = time.perf_counter()

@@ -18,11 +18,11 @@ import numpy as np
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.record.folders import episode_folder
+from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.keys import BY_HAND, Member, unique_name
+from sumo_dist.wire.keys import Member, unique_name
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -66,8 +66,9 @@ class TracerOptions:
     """A tracer.
 
     Attributes:
-        out: folder for run.rrd; one that is there already is left alone, and the next number taken.
-            Later episodes of a session have theirs in episode-2 and so on below it.
+        out: folder for run.rrd, by default the robot's below runs/; one that is there already is
+            left alone, and the next number taken. Later episodes of a session have theirs in
+            episode-2 and so on below it.
         connect: the router's endpoint.
         robot: whose episodes to show.
         viewer: "web", "native" or "none".
@@ -75,7 +76,7 @@ class TracerOptions:
             to stop or the viewer is closed.
     """
 
-    out: Path = Path("runs", BY_HAND)
+    out: Path | None = None
     connect: str = DEFAULT_ENDPOINT
     robot: str = "spot"
     viewer: str = "web"
@@ -306,7 +307,7 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
         def open_logger(info: EpisodeInfo) -> RunLogger:
             episode.close()
             config = EpisodeConfig.from_json(info.config)
-            folder = episode_folder(options.out, info.number)
+            folder = episode_folder(options.out or by_hand(info.run), info.number)
             folder.mkdir(parents=True, exist_ok=True)
             file = RrdFile(_unused(folder), _log.warning)
             out = episode.enter_context(Outputs(info.run, file, url))

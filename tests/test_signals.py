@@ -11,9 +11,12 @@ from sumo_dist.signals import ENDING, on_ending, starting, uninterrupted
 
 @pytest.fixture(autouse=True)
 def as_before():
+    """Handlers as in a terminal; a shell's background jobs ignore SIGINT."""
+    outside = signal.signal(signal.SIGINT, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
     yield
     assert {number: signal.getsignal(number) for number in ENDING} == before
+    signal.signal(signal.SIGINT, outside)
 
 
 @pytest.mark.parametrize("number", ENDING)

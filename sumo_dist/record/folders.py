@@ -60,6 +60,15 @@ def fresh_folder(path: Path) -> Path:
         raise UsageError(f"cannot write to {path}: {error.strerror}") from None
 
 
+def by_hand(episode: str) -> Path:
+    """Folder of a run whose services are started one by one, and know each other by its episodes.
+
+    Args:
+        episode: its id as a robot gives it, "SESSION.NUMBER".
+    """
+    return RUNS / f"by-hand-{episode.partition('.')[0]}"
+
+
 def episode_folder(run: Path, number: int) -> Path:
     """Folder of an episode of a run, counted from 1; the first one has the run's own."""
     return run if number == 1 else run / f"episode-{number}"

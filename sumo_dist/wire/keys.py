@@ -17,7 +17,6 @@ SCHEMA = 3  # raise it with every change of a message's fields or of their meani
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
-BY_HAND = "by-hand"  # names the folder of runs whose services are started one by one
 
 
 @dataclass(frozen=True, order=True)

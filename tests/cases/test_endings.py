@@ -19,14 +19,21 @@ LONG = (
 
 
 @contextlib.contextmanager
-def started(folder, *words, **options):
+def started(folder, *words, ignored=(), **options):
     """A process of sumo-dist, which is killed if it does not end by itself."""
+
+    def signals():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore it
+        for number in ignored:
+            signal.signal(number, signal.SIG_IGN)
+
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "sumo_dist", *map(str, words)],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=signals,
         **options,
     )
     try:
@@ -69,8 +76,7 @@ def test_what_ends_a_run_leaves_it_whole(ask, tmp_path, brought):
 
 @pytest.mark.slow
 def test_a_hangup_that_is_ignored_ends_nothing(ask, tmp_path):
-    ignored = {"preexec_fn": lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)}
-    with started(tmp_path, *LONG, "--time-limit", "1", **ignored) as process:
+    with started(tmp_path, *LONG, "--time-limit", "1", ignored=[signal.SIGHUP]) as process:
         assert "cost" in process.stderr.readline()
         process.send_signal(signal.SIGHUP)
         assert process.wait(60) == 1
