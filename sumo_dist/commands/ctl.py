@@ -41,12 +41,10 @@ WORDS: dict[str, tuple[str, ...]] = {
 class StopOptions:
     """Options of `stop`.
 
-    Without --connect and --robot it stops every robot that is found: who calls for a stop may not
-    know names, and one robot too many that sits down costs less than one too few.
-
     Attributes:
         connect: a router's endpoint; by default all of this user's on this machine.
-        robot: its name on the bus; by default all that are there.
+        robot: its name on the bus; by default every robot that is found: who calls for a stop may
+            not know names, and one robot too many that sits down costs less than one too few.
         reason: for the people who ask later.
     """
 
@@ -99,7 +97,7 @@ def stop(options: StopOptions) -> int:
                 print(f"sumo-dist: {error}", file=sys.stderr, flush=True)
     for router in look.silent:
         print(
-            f"sumo-dist: the router at {router.endpoint} ({router.what}, process {router.pid}) "
+            f"sumo-dist: the router at {router.endpoint} ({router.who}) "
             "does not answer: what runs there was not stopped",
             file=sys.stderr,
         )

@@ -15,7 +15,11 @@ CALM_S = 30.0  # between two lines
 
 
 class BusyWatch:
-    """Looks now and then at how much of this machine is left for rollouts."""
+    """Looks now and then at how much of this machine is left for rollouts.
+
+    Attributes:
+        busy: people were told that it is busy, and not yet that it is not.
+    """
 
     def __init__(self, tell: Tell, others: Callable[[], float | None] | None = None) -> None:
         """Start with a machine that is not busy.
@@ -26,7 +30,7 @@ class BusyWatch:
         """
         self._tell, self._others = tell, others or OtherLoad().used
         self._looked, self._told = time.monotonic(), -CALM_S
-        self._busy = False
+        self.busy = False
 
     def look(self, slowdown: float) -> None:
         """Look, if it is time to, and tell what has changed.
@@ -41,12 +45,12 @@ class BusyWatch:
         if used is None or now < self._told + CALM_S:
             return
         share = used / there
-        threshold = 0.5 if self._busy else 1.0  # what was told is not taken back for a trifle
+        threshold = 0.5 if self.busy else 1.0  # what was told is not taken back for a trifle
         slow = slowdown >= SLOW * threshold and share >= SHARE * threshold
         busy = slow or share >= FULL * threshold
-        if busy == self._busy:
+        if busy == self.busy:
             return
-        self._busy, self._told = busy, now
+        self.busy, self._told = busy, now
         if busy:
             takes = f"plans take {slowdown:.0f}x their measured time" if slow else ""
             use = f"other programs use {used:.1f} of {there} cores"

@@ -25,6 +25,7 @@ Clock = Literal["lockstep", "realtime", "calibrate"]
 
 RESEND_S = 0.25  # a question without an answer is asked again this often
 NOTICE_S = 3.0  # after this long the user is told what is being waited for
+QUIET_S = 30.0  # and not again for this long
 
 T = TypeVar("T")
 
@@ -59,6 +60,7 @@ class RobotLink:
         self._arrived = threading.Condition()
         self.refused = 0
         self._misled = False  # the others may be: somebody has told of another episode
+        self._noticed = -QUIET_S
         self._own: set[str] = set()  # runs of the episodes so far: an echo of one is no lie
         self._begin(None, None)
         self.operator = BusOperator(bus, stop, self._wake)
@@ -162,7 +164,7 @@ class RobotLink:
         return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
 
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
-        began, noticed, again = time.monotonic(), False, False
+        began, again = time.monotonic(), False
         while not self._stop.is_set():  # also where every answer comes at once
             if again:
                 self.announce()  # it may be the episode that the others have missed
@@ -178,11 +180,12 @@ class RobotLink:
                 if result is not None:
                     self._plans.clear()
                     return result
-            waited = time.monotonic() - began
+            now = time.monotonic()
+            waited = now - began
             if waited > self._wait:
                 raise SumoError(f"no answer to the request for {what} in {self._wait:g} s")
-            if waited > NOTICE_S and not noticed:
-                noticed = True
+            if waited > NOTICE_S and now > self._noticed + QUIET_S:
+                self._noticed = now
                 self._tell("warning", f"waiting for {what}")
         raise Interrupted("told to stop")
 

@@ -3,21 +3,29 @@
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 
 from sumo_dist.wire.events import Tell
 
-WINDOW_S = 30.0
+WINDOW_S = 30.0  # of the first sum; each that follows on it is of twice the time
+LONGEST_S = 480.0
 LINES = 2  # silences that are told one by one in a window; of more than that only a sum is told
 
 
 class Silences:
     """The silences of all workers of an optimizer. Its methods may be called on any thread."""
 
-    def __init__(self, tell: Tell) -> None:
-        """Start with all answering; `tell(level, text)` speaks to people."""
-        self._tell = tell
+    def __init__(self, tell: Tell, explained: Callable[[], bool]) -> None:
+        """Start with all answering.
+
+        Args:
+            tell: speaks to people.
+            explained: people know already why workers do not answer, so only sums are told.
+        """
+        self._tell, self._explained = tell, explained
         self._lock = threading.Lock()
-        self._began = 0.0  # time.monotonic() of the window's first silence
+        self._until: float | None = None  # time.monotonic() of the window's end
+        self._window = WINDOW_S
         self._lines = 0  # told one by one in the window
         self._told: set[str] = set()  # workers whose silence was told, and whose return will be
         self._counted: Counter[str] = Counter()
@@ -27,10 +35,10 @@ class Silences:
         """Take note that a worker does not answer."""
         self.look()
         with self._lock:
-            if not self._lines:
-                self._began = time.monotonic()
+            if self._until is None:
+                self._until = time.monotonic() + self._window
             self._silent.add(name)
-            if self._lines == LINES:
+            if self._lines == LINES or self._explained():
                 self._counted[name] += 1
                 return
             self._lines += 1
@@ -55,16 +63,17 @@ class Silences:
     def look(self) -> None:
         """Tell the sum if the window is over."""
         with self._lock:
-            if not self._lines or time.monotonic() < self._began + WINDOW_S:
+            if self._until is None or time.monotonic() < self._until:
                 return
-            counted, self._counted, self._lines = self._counted, Counter(), 0
-            now = sorted(self._silent)
+            window, counted, now = self._window, self._counted, sorted(self._silent)
+            self._until, self._lines, self._counted = None, 0, Counter()
+            self._window = min(2 * window, LONGEST_S) if counted else WINDOW_S
         if counted:
             each = ", ".join(f"{name} {count}" for name, count in counted.most_common(4))
             more = f" and {len(counted) - 4} more" if len(counted) > 4 else ""
             still = f"; silent now: {', '.join(now[:4])}" if now else ""
             self._tell(
                 "warning",
-                f"workers did not answer {counted.total()} more times in {WINDOW_S:g} s: "
+                f"{counted.total()} times in {window:g} s a worker did not answer: "
                 f"{each}{more}{still}",
             )

@@ -96,7 +96,8 @@ class Workers:
     def __init__(self, build: str, tell: Tell) -> None:
         """Expect workers of an engine's build; `tell(level, text)` hears what users should know."""
         self._build, self._tell = build, tell
-        self._silences, self._busy = Silences(tell), BusyWatch(tell)
+        self._busy = BusyWatch(tell)
+        self._silences = Silences(tell, explained=lambda: self._busy.busy)
         self._workers: dict[str, Worker] = {}
 
     def __len__(self) -> int:

@@ -18,7 +18,7 @@ _EPISODES = "episode-[0-9]*"
 
 @contextmanager
 def run_folder(given: Path | None, default: Path) -> Iterator[Path]:
-    """Have a folder that no other run writes to.
+    """Have a folder that no other run writes to; a new one in which nothing was written is removed.
 
     Args:
         given: by the user; what an earlier run has left there is removed.
@@ -38,6 +38,9 @@ def run_folder(given: Path | None, default: Path) -> Iterator[Path]:
     try:
         yield path
     finally:
+        if given is None:
+            with suppress(OSError):  # it is not empty
+                path.rmdir()
         if lock is not None:
             os.close(lock)
 

@@ -119,7 +119,15 @@ def description(task: Task) -> dict[str, Any]:
         "goal": asdict(task.goal) if isinstance(task.goal, Goal) else task.goal,
         **{name: getattr(task, name) for name in _PLAIN},
     }
-    return json.loads(json.dumps(described, default=lambda numbers: np.asarray(numbers).tolist()))
+    return json.loads(json.dumps(described, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers of another kind than Python's own as JSON has them, anything else as text."""
+    try:
+        return np.asarray(value, float).tolist()
+    except (TypeError, ValueError):
+        return repr(value)
 
 
 _ACTIONS = ("names", "lower", "upper", "default", "velocities")

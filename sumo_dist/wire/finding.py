@@ -119,7 +119,7 @@ class Search:
         """Say that no robot was there, and what was."""
         whom = f"no robot named {self.robot}" if self.robot else "no robot"
         if look.routers or look.silent:
-            at = ", ".join([*look.routers, *(f"{r.endpoint} ({r.what})" for r in look.silent)])
+            at = ", ".join([*look.routers, *(f"{r.endpoint} ({r.who})" for r in look.silent)])
             return f"{whom} answers at {at}: it is starting, or has ended"
         if self.connect is not None:
             return f"{whom} is there: no router answers at {self.connect}"

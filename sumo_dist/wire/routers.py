@@ -41,6 +41,11 @@ class LocalRouter:
     what: str
     pid: int
 
+    @property
+    def who(self) -> str:
+        """What it is for, and whose it is."""
+        return f"{self.what}, process {self.pid}" if self.what else f"process {self.pid}"
+
 
 @contextmanager
 def left_note(router: LocalRouter) -> Iterator[bool]:

@@ -33,7 +33,7 @@ def started(folder, *words, ignored=(), **options):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=signals,
+        preexec_fn=signals,  # noqa: PLW1509
         **options,
     )
     try:

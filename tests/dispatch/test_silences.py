@@ -6,7 +6,7 @@ import pytest
 
 from sumo_dist.dispatch import busy, silences
 from sumo_dist.dispatch.busy import BusyWatch
-from sumo_dist.dispatch.silences import LINES, Silences
+from sumo_dist.dispatch.silences import LINES, WINDOW_S, Silences
 from sumo_dist.provenance import cores
 
 
@@ -17,7 +17,7 @@ def told():
 
 @pytest.fixture
 def talk(told):
-    return Silences(lambda level, text: told.append((level, text)))
+    return Silences(lambda level, text: told.append((level, text)), explained=lambda: False)
 
 
 def test_the_first_silences_and_their_ends_are_told_at_once(talk, told):
@@ -29,36 +29,56 @@ def test_the_first_silences_and_their_ends_are_told_at_once(talk, told):
     ]
 
 
-def test_of_more_only_the_sum_is_told(talk, told, monkeypatch):
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that a test puts forward."""
+    now = [100.0]
+    monkeypatch.setattr(silences.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_of_more_only_the_sum_is_told(talk, told, clock):
     for number in range(100):
         talk.began(f"w-{number % 6}")
         talk.ended(f"w-{number % 6}")
     talk.began("w-5")
     assert len(told) == 2 * LINES
-    monkeypatch.setattr(silences, "WINDOW_S", 0.0)
+    clock[0] += WINDOW_S
     talk.look()
     talk.look()
     level, text = told.pop()
     assert len(told) == 2 * LINES
     assert level == "warning"
-    assert text.startswith(f"workers did not answer {101 - LINES} more times in 0 s: ")
+    assert text.startswith(f"{101 - LINES} times in 30 s a worker did not answer: w-2 17, ")
     assert text.endswith(" and 2 more; silent now: w-5")
 
 
-def test_after_a_quiet_window_the_next_silence_is_told_at_once_again(talk, told, monkeypatch):
+def test_where_it_is_known_why_only_sums_are_told_ever_more_seldom(told, clock):
+    talk = Silences(lambda _, text: told.append(text), explained=lambda: True)
+    for _ in range(3600):
+        talk.began("w-1")
+        talk.ended("w-1")
+        clock[0] += 1.0
+    assert len(told) <= 12
+    assert "times in 30 s" in told[0]
+    assert "times in 60 s" in told[1]
+    assert "times in 480 s" in told[-1]
+
+
+def test_after_a_quiet_window_the_next_silence_is_told_at_once_again(talk, told, clock):
     for _ in range(LINES):
         talk.began("w-1")
-    monkeypatch.setattr(silences, "WINDOW_S", 0.0)
+    clock[0] += WINDOW_S
     talk.began("w-2")
     assert told[-1] == ("warning", "worker w-2 does not answer: it is passed over")
 
 
-def test_a_worker_that_has_left_is_not_silent(talk, told, monkeypatch):
+def test_a_worker_that_has_left_is_not_silent(talk, told, clock):
     for name in ("w-1", "w-2", "w-3", "w-3"):
         talk.began(name)
     talk.left("w-3")
     talk.ended("w-3")
-    monkeypatch.setattr(silences, "WINDOW_S", 0.0)
+    clock[0] += WINDOW_S
     talk.look()
     assert "silent now: w-1, w-2" in told[-1][1]
 

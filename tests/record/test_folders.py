@@ -35,7 +35,11 @@ def test_a_run_without_a_folder_of_its_own_gets_a_new_one(tmp_path):
     (tmp_path / "a-2").touch()
     with run_folder(None, tmp_path / "a") as folder:
         assert folder == tmp_path / "a-3"
-        assert folder.is_dir()
+        (folder / "run.npz").touch()
+    with run_folder(None, tmp_path / "a") as another:
+        assert another == tmp_path / "a-4"
+    assert folder.exists()
+    assert not another.exists()  # nothing was written
 
 
 def test_a_given_folder_loses_what_a_run_has_left_there_and_nothing_else(tmp_path):

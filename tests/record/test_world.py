@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from fractions import Fraction
 
 import mujoco
 import numpy as np
@@ -65,10 +66,12 @@ def test_a_description_is_json_whatever_numbers_a_task_is_made_of(move_box):
         parameters=(parameter, *move_box.parameters[1:]),
         cost=(term, *move_box.cost[1:]),
         time_limit=np.int64(4),
+        success_hold=Fraction(1, 2),
     )
     described = description(task)
     assert json.loads(json.dumps(described)) == described
     assert described["parameters"][0]["default"] == [0.5, 1.0]
+    assert (described["time_limit"], described["success_hold"]) == (4, 0.5)
 
 
 def test_without_a_model_the_task_must_be_as_it_was(short_run, move_box):
