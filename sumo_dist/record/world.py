@@ -6,8 +6,8 @@ needed to show it: MuJoCo's own binary of the model, which is exact and some 20 
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, NoReturn
+from dataclasses import asdict, dataclass, fields
+from typing import Any, NoReturn, TypeVar
 
 import mujoco
 import numpy as np
@@ -28,6 +28,8 @@ from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Goal, Task
 
 _FILE = "world.mjb"
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,14 @@ class World:
         try:
             return cls(model, unchanged_task(recording))
         except UsageError:
+            pass
+        try:
             return cls(model, _described(recording.config["task"]))
+        except (KeyError, TypeError, AttributeError) as error:
+            raise UsageError(
+                f"this recording's task cannot be read: {error!r}; sumo-dist "
+                f"{recording.config['versions'].get('sumo-dist')} made it"
+            ) from None
 
 
 def _model(recording: Recording) -> mujoco.MjModel:
@@ -137,27 +146,32 @@ _PLAIN = ("success_hold", "time_limit", "trails", "controller", "source")
 
 def _described(described: Mapping[str, Any]) -> Task:
     """Return the task of a description, without functions."""
-    robot, actions, goal = (_tupled(described[name]) for name in ("robot", "actions", "goal"))
+    robot, actions, goal = (described[name] for name in ("robot", "actions", "goal"))
     numbers = {name: np.array(actions[name], float) for name in ("lower", "upper", "default")}
     things = tuple(SceneObject(name, "") for name in described["objects"])
     return Task(
         name=described["name"],
-        scene=Scene(Robot(**{**robot, "safety": Safety(**_tupled(robot["safety"]))}), things),
-        actions=ActionSpace(**{**actions, **numbers}, to_command=_absent),
-        frames={name: FrameRef(**ref) for name, ref in described["frames"].items()},
-        cost=tuple(CostTerm(residual=_unknown, **term) for term in described["cost"]),
+        scene=Scene(_made(Robot, robot, safety=_made(Safety, robot["safety"])), things),
+        actions=_made(ActionSpace, actions, **numbers, to_command=_absent),
+        frames={name: _made(FrameRef, ref) for name, ref in described["frames"].items()},
+        cost=tuple(_made(CostTerm, term, residual=_unknown) for term in described["cost"]),
         reset=_absent,
         success=_unknown,
-        parameters=tuple(Parameter(**_tupled(each)) for each in described["parameters"]),
-        goal=Goal(**goal) if isinstance(goal, dict) else goal,
+        parameters=tuple(_made(Parameter, each) for each in described["parameters"]),
+        goal=_made(Goal, goal) if isinstance(goal, dict) else _tupled(goal),
         **{name: _tupled(described[name]) for name in _PLAIN},
     )
 
 
+def _made(kind: type[T], recorded: Mapping[str, Any], **instead: Any) -> T:
+    """Return a dataclass of recorded values and others; what this version lacks is left out."""
+    names = {f.name for f in fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
+    known = {name: _tupled(value) for name, value in recorded.items() if name in names}
+    return kind(**{**known, **instead})
+
+
 def _tupled(value: Any) -> Any:
-    """Return what JSON has made a list of as a tuple, one level down in a dictionary."""
-    if isinstance(value, dict):
-        return {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
+    """Return a tuple of which JSON has made a list."""
     return tuple(value) if isinstance(value, list) else value
 
 

@@ -95,6 +95,19 @@ def test_another_mujoco_and_a_broken_model_are_one_line(short_run):
             World.of(replace(short_run, model=model))
 
 
+def test_a_task_of_another_version_is_taken_as_far_as_it_goes_or_refused(short_run):
+    described = short_run.config["task"]
+
+    def world(task):
+        return World.of(gone(replace(short_run, config={**short_run.config, "task": task})))
+
+    more = {**described, "colour": "red", "robot": {**described["robot"], "wheels": 4}}
+    assert str(world(more).task) == str(world(described).task)
+    for task in ({**described, "robot": {}}, {"name": "x"}, {**described, "cost": [{}]}, None):
+        with pytest.raises(UsageError, match=r"this recording's task cannot be read: .* made it"):
+            world(task)
+
+
 def test_a_model_is_a_small_part_of_a_recording(short_run, tmp_path):
     short_run.save(tmp_path / "with.npz")
     replace(short_run, model=b"").save(tmp_path / "without.npz")
