@@ -28,6 +28,7 @@ from sumo_dist.wire.finding import Place, Search, only
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
+from sumo_dist.wire.session import no_router
 
 ROUTER_WAIT_S = 10.0  # a worker may be started before the router
 LOOK_S = 0.5  # between two looks for a robot
@@ -121,6 +122,8 @@ def _place(options: WorkerOptions, stop: threading.Event) -> Place | None:
             waiting = True
             log.info("%s; waiting for one", search.nobody(look))
         if not waiting and time.monotonic() > began + ROUTER_WAIT_S:
+            if options.connect is not None:
+                raise no_router(options.connect, ROUTER_WAIT_S)
             raise SumoError(f"{search.nobody(look)} (waited {ROUTER_WAIT_S:g} s)")
         stop.wait(LOOK_S)
     return search.known

@@ -62,10 +62,15 @@ def open_client(endpoint: str, timeout: float, config: Path | None = None) -> ze
             return zenoh.open(_configuration(settings, config))
         except zenoh.ZError:
             if time.monotonic() >= deadline:
-                raise SumoError(
-                    f"no router at {endpoint} (waited {timeout:g} s): "
-                    f"start one with `sumo-dist router --listen {endpoint}`"
-                ) from None
+                raise no_router(endpoint, timeout) from None
+
+
+def no_router(endpoint: str, waited: float) -> SumoError:
+    """Build the error for a router that did not come within some seconds."""
+    return SumoError(
+        f"no router at {endpoint} (waited {waited:g} s): "
+        f"start one with `sumo-dist router --listen {endpoint}`"
+    )
 
 
 def open_router(listen: str, config: Path | None = None) -> zenoh.Session:
