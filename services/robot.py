@@ -119,7 +119,7 @@ class Session:
         """
         robots = self._bus.watch("robot", self._on_robot)
         self._bus.watch("optimizer", self._on_optimizer)
-        if not robots.leave():
+        if not robots.vacant():
             raise SumoError(
                 f"a robot named {self._options.robot!r} is at {self._options.connect} already: "
                 "end it, or give this one another --robot or another router"

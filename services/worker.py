@@ -131,7 +131,7 @@ def _place(options: WorkerOptions, stop: threading.Event) -> Place | None:
 
 def _claim_the_name(bus: Bus, name: str, place: Place) -> None:
     """Be the worker of this name: two of one name would answer each other's requests."""
-    if not bus.watch("worker").leave(lambda member: member.id == name):
+    if not bus.watch("worker").vacant(lambda member: member.id == name):
         raise SumoError(
             f"a worker named {name!r} is at {place.endpoint} already: give this one another --name"
         )

@@ -86,7 +86,7 @@ class Members:
         """Who is alive."""
         return self._members
 
-    def leave(self, rival: Callable[[Member], bool] = lambda _: True) -> bool:
+    def vacant(self, rival: Callable[[Member], bool] = lambda _: True) -> bool:
         """Return whether there is no rival, or none any more in a moment.
 
         For who is about to announce itself under a name that one service only may have.

@@ -17,7 +17,7 @@ from sumo_dist.wire.session import (
 )
 
 ROUTER_S = 0.6  # a router that has not answered by then is left out [s]
-ROLES = ("robot", "optimizer")  # whose presence says that a robot's bus is in use
+_ROLES = ("robot", "optimizer")  # whose presence says that a robot's bus is in use
 
 
 @dataclass(frozen=True, order=True)
@@ -83,13 +83,12 @@ class Search:
             return None
         return Place(self.connect, self.robot)
 
-    def look(self, roles: Sequence[str] = ROLES) -> Look:
-        """Look once; a bus counts on which one of the roles is alive."""
+    def look(self) -> Look:
+        """Look once."""
         notes = {} if self.connect is not None else {r.endpoint: r for r in local_routers()}
         endpoints = list(dict.fromkeys([self.connect or DEFAULT_ENDPOINT, *notes]))
         with ThreadPoolExecutor(len(endpoints)) as pool:
-            answers = list(pool.map(lambda each: _robots_at(each, roles), endpoints))
-        found = dict(zip(endpoints, answers, strict=True))
+            found = dict(zip(endpoints, pool.map(_robots_at, endpoints), strict=True))
         return Look(
             places=[
                 Place(endpoint, robot, notes[endpoint].what if endpoint in notes else "")
@@ -150,7 +149,7 @@ def _choice(place: Place, places: Sequence[Place]) -> str:
     return f"--connect {place.endpoint} --robot {place.robot}"
 
 
-def _robots_at(endpoint: str, roles: Sequence[str]) -> list[str] | None:
+def _robots_at(endpoint: str) -> list[str] | None:
     """Names of the robots at a router; None if it does not answer in time."""
     if nobody_listens(endpoint):
         return None
@@ -160,7 +159,7 @@ def _robots_at(endpoint: str, roles: Sequence[str]) -> list[str] | None:
         return None
     try:
         found = set()
-        for role in roles:
+        for role in _ROLES:
             replies = session.liveliness().get(alive_keys(ANY, role), timeout=ROUTER_S)
             keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
             found |= {presence[0] for key in keys if (presence := parse_presence(key))}

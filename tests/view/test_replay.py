@@ -118,3 +118,15 @@ def test_the_goal_is_drawn_where_each_plans_parameters_have_it(short_run, tmp_pa
     assert times == pytest.approx([0.0, short_run.plan_ticks[4] * TICK])
     rings = np.array(rrd["/world/goal/rings"]["LineStrips3D:strips"][1])
     assert np.allclose(rings.mean(axis=(0, 1))[:2], [1.5, 0.5], atol=0.01)
+
+
+def test_a_recording_whose_task_is_gone_shows_the_same_world(rrd, short_run, tmp_path, read_rrd):
+    config = short_run.config
+    gone = {**config, "episode": {**config["episode"], "task": "/gone/my_task.py"}}
+    to_rrd(replace(short_run, config=gone), tmp_path / "run.rrd")
+    again = read_rrd(tmp_path / "run.rrd")
+    for column in ("sim_time", "Transform3D:child_frame", "Transform3D:translation"):
+        assert again.timed["/world/poses"][column] == rrd.timed["/world/poses"][column]
+    seen = [{e: t for e, t in r.static.items() if e.startswith("/world")} for r in (rrd, again)]
+    assert seen[0].keys() == seen[1].keys()
+    assert len(seen[0]) > 10
