@@ -38,7 +38,8 @@ class Serving:
             return
         self._asked = time.monotonic()  # look again after as long
         others = Search(self._place.endpoint).look().places
-        there = ", ".join(f"--robot {other.robot}" for other in others)
+        names = [other.robot for other in others if other.robot != self._place.robot]
+        there = ", ".join(f"--robot {name}" for name in names)
         hint = f"; there is work with {there}" if there else ""
         self._say(logging.WARNING, f"nobody plans for {self._where}{hint}")
 
