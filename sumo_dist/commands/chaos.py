@@ -13,6 +13,7 @@ from sumo_dist.faults.growth import Growth
 from sumo_dist.faults.run import run_script
 from sumo_dist.faults.script import read_script
 from sumo_dist.faults.verdict import Outcome, counted
+from sumo_dist.record.folders import fresh_folder
 
 HEADS = (
     *("script", "runs", "faults", "plans", "commands", "rate [1/s]", "rollouts", "resumed [s]"),
@@ -28,7 +29,7 @@ class Options:
         scripts: TOML files of faults; deploy/chaos has some.
         episodes: runs of each script, with the seeds that follow its own.
         json: print one JSON object.
-        keep: folder for the runs' files.
+        keep: folder for the runs' files; each run gets a new one in it.
     """
 
     scripts: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -51,7 +52,8 @@ def main(options: Options) -> int:
         for script in scripts:
             for episode in range(options.episodes):
                 seeded = replace(script, seed=script.seed + episode)
-                keep = options.keep / f"{script.name}-{seeded.seed}" if options.keep else None
+                name = f"{script.name}-{seeded.seed}"
+                keep = fresh_folder(options.keep / name) if options.keep else None
                 outcomes.append(outcome := run_script(seeded, keep))
                 verdict = "; ".join(outcome.failures) or "as it must be"
                 say(f"{script.name} seed {seeded.seed}: {verdict}")

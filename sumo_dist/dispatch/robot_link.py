@@ -60,7 +60,7 @@ class RobotLink:
         self._arrived = threading.Condition()
         self.refused = 0
         self._misled = False  # the others may be: somebody has told of another episode
-        self._noticed = -QUIET_S
+        self._noticed: dict[str, float] = {}  # when the user was told of a wait, by what for
         self._own: set[str] = set()  # runs of the episodes so far: an echo of one is no lie
         self._begin(None, None)
         self.operator = BusOperator(bus, stop, self._wake)
@@ -184,8 +184,8 @@ class RobotLink:
             waited = now - began
             if waited > self._wait:
                 raise SumoError(f"no answer to the request for {what} in {self._wait:g} s")
-            if waited > NOTICE_S and now > self._noticed + QUIET_S:
-                self._noticed = now
+            if waited > NOTICE_S and now > self._noticed.get(what, -QUIET_S) + QUIET_S:
+                self._noticed[what] = now
                 self._tell("warning", f"waiting for {what}")
         raise Interrupted("told to stop")
 

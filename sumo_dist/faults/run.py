@@ -25,7 +25,6 @@ from sumo_dist.faults.verdict import Outcome, RunRecord, episode_of, judge
 from sumo_dist.launch import serve
 from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service
-from sumo_dist.record.folders import fresh_folder
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
@@ -42,8 +41,7 @@ def run_script(script: Script, keep: Path | None = None) -> Outcome:
 
     Args:
         script: what to run.
-        keep: new folder for the run's files and the services' messages, with a number after its
-            name if it is there already; they are thrown away by default.
+        keep: folder for the run's files and the services' messages; thrown away by default.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -52,7 +50,7 @@ def run_script(script: Script, keep: Path | None = None) -> Outcome:
         (folder / "growth.csv").write_text(run.growth.csv())
         outcome = judge(record, lambda: run_script(replace(script, faults=())).end)
         if keep is not None:
-            shutil.copytree(folder, fresh_folder(keep), dirs_exist_ok=True)
+            shutil.copytree(folder, keep, dirs_exist_ok=True)
         return outcome
 
 
