@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.model.files import ASSETS, find_model
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.tasks.g1.door import door_open
 from sumo_dist.tasks.g1.push import PUSHES
@@ -102,8 +103,8 @@ def _build(where: str, build: Callable[[], Any], folder: Path) -> Task:
         raise UsageError(f"{where}: task() returned {type(task).__name__}, must return a Task")
 
     def beside(thing: SceneObject) -> SceneObject:
-        here = folder / thing.mjcf
-        return replace(thing, mjcf=str(here)) if here.is_file() else thing
+        path = _guarded(where, lambda: find_model(thing.mjcf, (folder, ASSETS)))
+        return thing if path == ASSETS / thing.mjcf else replace(thing, mjcf=str(path))
 
     objects, fixtures = (tuple(map(beside, t)) for t in (task.scene.objects, task.scene.fixtures))
     return replace(task, scene=replace(task.scene, objects=objects, fixtures=fixtures))

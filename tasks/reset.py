@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations
-from pathlib import Path
 from typing import Protocol, Self
 
 import mujoco
@@ -14,8 +13,9 @@ from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.errors import SumoError
 from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.files import find_model
 from sumo_dist.model.index import StateIndex
-from sumo_dist.model.scene import ASSETS, PLANT, Scene, build_spec, compile_model
+from sumo_dist.model.scene import PLANT, Scene, build_spec, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
 
 DROP_HEIGHT = 0.02  # of the object's lowest point above the floor [m]
@@ -124,8 +124,8 @@ def _compiled(scene: Scene, _stamps: tuple[int, ...]) -> _Compiled:
 
 def _stamps(scene: Scene) -> tuple[int, ...]:
     """Times of change [ns] of the scene's files: one that is edited is compiled anew."""
-    files = (ASSETS / thing.mjcf for thing in (scene.robot, *scene.objects, *scene.fixtures))
-    return tuple(Path(file).stat().st_mtime_ns if file.is_file() else 0 for file in files)
+    files = (find_model(thing.mjcf) for thing in (scene.robot, *scene.objects, *scene.fixtures))
+    return tuple(file.stat().st_mtime_ns for file in files)
 
 
 class Placement(Protocol):

@@ -1,17 +1,24 @@
 """Composing a robot, objects and fixtures into one MuJoCo model."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.errors import UsageError
+from sumo_dist.model.attach import (
+    carry_out_settings,
+    fuse_static,
+    rename,
+    settings_left_out,
+    take_settings,
+)
+from sumo_dist.model.files import compile_alone, find_model, read_model, valid_model
+from sumo_dist.model.part import find_root, leave_out_floor, leave_out_still, name_all, refuse
 from sumo_dist.robots.robot import Robot
 
-ASSETS = Path(__file__).parents[1] / "assets"
 FLOOR = "fixtures/floor.xml"
+TAKEN = {"floor": "that is the scene's own", "world": "that is the world's body", "": "it is empty"}
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,11 @@ class Scene:
     floor_priority: int = 5
 
     def __post_init__(self) -> None:
-        names = ["floor", *(thing.name for thing in (*self.objects, *self.fixtures))]
+        names = [thing.name for thing in (*self.objects, *self.fixtures)]
+        if taken := [name for name in names if name in TAKEN]:
+            raise UsageError(
+                f"scene: no object or fixture can be called {taken[0]!r}: {TAKEN[taken[0]]}"
+            )
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise UsageError(
                 f"scene: objects and fixtures need distinct names, got {repeated} twice"
@@ -79,67 +90,92 @@ def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
     """Compose a scene.
 
     Raises:
-        UsageError: a file is missing or is no valid model, or two elements have the same name.
+        UsageError: a file is missing, is no valid model or holds what cannot work in a scene, or
+            two elements have the same name.
     """
-    spec = _load(scene.robot.mjcf)  # the parent, so that its names need no prefix
-    _set_options(spec, options)
-    with _invalid_model("the scene"):
-        _attach(spec, _load(FLOOR), "floor")
-        ground = spec.geom("floor/ground")
-        ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
-        for thing in scene.objects:
-            child = _load(thing.mjcf)
-            root, joint = _free_body(child, thing.mjcf)
-            _attach(spec, child, thing.name)
-            root.name, joint.name = thing.name, f"{thing.name}_joint"
-        for fixture in scene.fixtures:
-            _attach(spec, _load(fixture.mjcf), fixture.name)
-    return spec
+    return _compose(scene, options)[0]
 
 
 def compile_model(scene: Scene, options: ModelOptions) -> mujoco.MjModel:
     """Compose and compile a scene; errors as for build_spec."""
     spec = build_spec(scene, options)
-    with _invalid_model("the scene"):
+    with valid_model("the scene"):
         return spec.compile()
 
 
-@contextmanager
-def _invalid_model(what: str) -> Iterator[None]:
-    """Turn MuJoCo's complaint into a one-line UsageError that names its subject."""
-    try:
-        yield
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise UsageError(f"{what} is not a valid MuJoCo model: {reason}") from None
+def remarks(scene: Scene) -> list[str]:
+    """What the scene does not take of its files, and what MuJoCo warns of: a line for each file."""
+    return _compose(scene, PLANT)[1]
 
 
-def _load(mjcf: str) -> mujoco.MjSpec:
-    path = ASSETS / mjcf
-    if not path.is_file():
-        shipped = (str(p.relative_to(ASSETS)) for p in ASSETS.rglob("*.xml"))
-        raise unknown("model file", mjcf, ["/an/absolute/path.xml", *shipped])
-    with _invalid_model(mjcf):
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compile()  # alone, so that an error names its file
-    return spec
+def _compose(scene: Scene, options: ModelOptions) -> tuple[mujoco.MjSpec, list[str]]:
+    robot, floor = (find_model(file) for file in (scene.robot.mjcf, FLOOR))
+    spec = read_model(robot, scene.robot.mjcf)  # the parent, so that its names need no prefix
+    compile_alone(spec, robot, scene.robot.mjcf)
+    _check_names(scene, spec)
+    _set_options(spec, options)
+    _attach(spec, read_model(floor, FLOOR), "floor")
+    ground = spec.geom("floor/ground")
+    ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
+    said = [_add(spec, thing, free=True) for thing in scene.objects]
+    said += [_add(spec, thing, free=False) for thing in scene.fixtures]
+    return spec, [line for line in said if line]
 
 
-def _free_body(spec: mujoco.MjSpec, mjcf: str) -> tuple[mujoco.MjsBody, mujoco.MjsJoint]:
-    """Return an object's root and its free joint, which is added if the file has none."""
-    bodies = spec.worldbody.bodies
-    if len(bodies) != 1:
-        raise UsageError(f"{mjcf}: an object has one top-level body, found {len(bodies)}")
-    joint = bodies[0].first_joint() or bodies[0].add_freejoint()
-    if joint.type != mujoco.mjtJoint.mjJNT_FREE:
-        raise UsageError(f"{mjcf}: an object's top-level body has a free joint or none")
-    return bodies[0], joint
+def _check_names(scene: Scene, robot: mujoco.MjSpec) -> None:
+    """See that what is called after an object is not in the robot."""
+    for thing in scene.objects:
+        names = {"body": thing.name, "joint": f"{thing.name}_joint"}
+        for kind, name in names.items():
+            if getattr(robot, kind)(name) is not None:
+                raise UsageError(
+                    f"scene: object {thing.name!r} needs another name: {name!r} is a {kind} of "
+                    f"robot {scene.robot.name!r}"
+                )
 
 
-def _attach(spec: mujoco.MjSpec, child: mujoco.MjSpec, name: str) -> None:
-    # The parent's settings win anyway; a child that differs would make MuJoCo warn.
-    child.option, child.visual, child.stat = spec.option, spec.visual, spec.stat
-    spec.attach(child, prefix=f"{name}/", frame=spec.worldbody.add_frame())
+def _add(spec: mujoco.MjSpec, thing: SceneObject, free: bool) -> str:
+    """Add an object (free) or a fixture; return what there is to say about its file."""
+    with warnings.catch_warnings(record=True) as warned, valid_model(thing.mjcf):
+        warnings.simplefilter("always")
+        path = find_model(thing.mjcf)
+        part = read_model(path, thing.mjcf)
+        refuse(part, thing.mjcf)
+        carry_out_settings(part)
+        root = find_root(part, thing.mjcf, thing.name) if free else None
+        words = leave_out_still(part, root) if root else []
+        if root and not root.joints:
+            root.add_freejoint()
+        fuse_static(part)
+        model = compile_alone(part, path, thing.mjcf)
+        words += [] if root else leave_out_floor(part, model)
+        words += settings_left_out(part, spec)
+        name_all(part)
+        if root:
+            to_name, to_joint = rename(part, root), rename(part, root.joints[0])
+            _attach(spec, part, thing.name)
+            to_name(thing.name)
+            to_joint(f"{thing.name}_joint")
+        else:
+            _attach(spec, part, thing.name, below=_free_body(spec, thing.name) if free else None)
+    words = [f"the scene does not take {'; '.join(words)}"] if words else []
+    words += [f"MuJoCo warns: {' '.join(str(w.message).split())}" for w in warned]
+    return f"{thing.mjcf}: {'; '.join(words)}" if words else ""
+
+
+def _free_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    body = spec.worldbody.add_body(name=name)
+    body.add_freejoint(name=f"{name}_joint")
+    return body
+
+
+def _attach(
+    spec: mujoco.MjSpec, part: mujoco.MjSpec, name: str, below: mujoco.MjsBody | None = None
+) -> None:
+    take_settings(part, spec)
+    frame = (below or spec.worldbody).add_frame()
+    with valid_model("the scene"):
+        spec.attach(part, prefix=f"{name}/", frame=frame)
 
 
 def _set_options(spec: mujoco.MjSpec, options: ModelOptions) -> None:
