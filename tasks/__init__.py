@@ -103,7 +103,10 @@ def _build(where: str, build: Callable[[], Any], folder: Path) -> Task:
         raise UsageError(f"{where}: task() returned {type(task).__name__}, must return a Task")
 
     def beside(thing: SceneObject) -> SceneObject:
-        path = _guarded(where, lambda: find_model(thing.mjcf, (folder, ASSETS)))
+        try:
+            path = find_model(thing.mjcf, (folder, ASSETS))
+        except UsageError as error:
+            raise UsageError(f"{where}: {error}") from None
         return thing if path == ASSETS / thing.mjcf else replace(thing, mjcf=str(path))
 
     objects, fixtures = (tuple(map(beside, t)) for t in (task.scene.objects, task.scene.fixtures))

@@ -14,6 +14,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.summary import keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.model.scene import remarks
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import cores
@@ -138,6 +139,8 @@ def _last_episode(out: Path) -> Path:
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
     task = load_task(episode.task)
+    for remark in remarks(task.scene):
+        _say(remark)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
     problem.engine(1, episode.engine).close()

@@ -18,7 +18,7 @@ from sumo_dist.episode.assemble import draw_start
 from sumo_dist.errors import UsageError
 from sumo_dist.math.rotations import from_rotation_vector, multiply
 from sumo_dist.model.index import StateIndex
-from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.model.scene import PLANT, compile_model, remarks
 from sumo_dist.model.settle import height_above_floor
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
@@ -165,7 +165,8 @@ def model(subject: Subject) -> Finding:
     """Do the scene's models compile, and does the policy fit the robot."""
     plant, planning = subject.plant, subject.problem.model
     objects = ", ".join(thing.name for thing in subject.task.scene.objects) or "no object"
-    text = f"{subject.task.scene.robot.name}, {objects}: nq {plant.nq}, nv {plant.nv}"
+    size = f"{subject.task.scene.robot.name}, {objects}: nq {plant.nq}, nv {plant.nv}"
+    text = "; ".join([size, *remarks(subject.task.scene)])
     return _verdict(plant.nq == planning.nq, text, "plant and planning model differ in layout")
 
 

@@ -1,21 +1,75 @@
 """What a model file becomes in a scene: what is taken, what is left out, what cannot work."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.model.files import compile_alone, find_model, read_model, valid_model
+from sumo_dist.model.references import count_referring
+from sumo_dist.model.settings import carry_out_settings, fuse_static
 
 _FREE = mujoco.mjtJoint.mjJNT_FREE
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _GROUNDS = (_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
 _FLAT = 1e-6  # a plane so level and so close to z = 0 is the floor [m]
-STANDS_STILL = "what stands still belongs in a fixture"
 
 
-def refuse(spec: mujoco.MjSpec, what: str) -> None:
+@dataclass(frozen=True)
+class Part:
+    """A model file that is ready to be attached.
+
+    Attributes:
+        spec: all of it that is taken; every body and joint has a name.
+        root: of an object, with its free joint; None if all of it is to move as one, or is fixed.
+        floors: planes that would lie in the scene's floor: they go, and the scene's stands in.
+        remarks: what there is to say about the file.
+        referring: how many elements of the file refer to others; see `count_referring`.
+    """
+
+    spec: mujoco.MjSpec
+    root: mujoco.MjsBody | None = None
+    floors: Sequence[mujoco.MjsGeom] = ()
+    remarks: Sequence[str] = ()
+    referring: Counter[str] = field(default_factory=Counter)
+
+
+def read_part(file: str, name: str, free: bool) -> Part:
+    """Read an object's (free) or a fixture's file.
+
+    Args:
+        file: see `find_model`.
+        name: of the object or fixture in the scene.
+        free: it is an object.
+
+    Raises:
+        UsageError: the file is missing, is no valid model or holds what cannot work in a scene.
+    """
+    path = find_model(file)
+    spec = read_model(path, file)
+    _refuse(spec, file)
+    with valid_model(file):
+        carry_out_settings(spec)
+    root = _find_root(spec, file, name) if free else None
+    remarks = _which_root(spec, root, name) if free else []
+    if root and not root.joints:
+        root.add_freejoint()
+    with valid_model(file):
+        fuse_static(spec)
+    floors = _doubled_floors(spec, compile_alone(spec, path, file))
+    referring = count_referring(spec)
+    remarks += _leave_out_still(spec, root, floors) if root else []
+    if floors:
+        remarks.append(f"left out its floor, {_listed(floors)}: the scene has one")
+    _name_all(spec)
+    return Part(spec, root, floors, remarks, referring)
+
+
+def _refuse(spec: mujoco.MjSpec, what: str) -> None:
     """Refuse what an object or fixture cannot have.
 
     Args:
@@ -37,12 +91,12 @@ def refuse(spec: mujoco.MjSpec, what: str) -> None:
         )
 
 
-def find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | None:
+def _find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | None:
     """Find the top-level body that is the object; None if all that the file holds is one object.
 
     It is the one that has a free joint; of several, the one called like the object, else the first.
-    Without any it is the only one there is. Several without a free joint keep their places in one
-    that moves, as do geoms of a file without a body.
+    Without any it is the only body there is. Several without a free joint keep their places in one
+    that moves, as do the geoms of a file without a body.
 
     Args:
         spec: of the file.
@@ -52,19 +106,19 @@ def find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | Non
     Raises:
         UsageError: there is nothing that could move freely.
     """
-    bodies = spec.worldbody.bodies
-    free = [body for body in bodies if any(joint.type == _FREE for joint in body.joints)]
-    named = [body for body in free or bodies if body.name == name]
-    if mocap := [body for body in bodies if body.mocap and len(bodies) == 1]:
+    mocap = [body for body in spec.worldbody.bodies if body.mocap]
+    bodies = [body for body in spec.worldbody.bodies if not body.mocap]
+    free = _free(bodies)
+    if mocap and not free and len(bodies) != 1:
         raise UsageError(
             f"{what}: {_listed(mocap)} is a mocap body, which nothing can push: "
             "take mocap away from it, or list the file as a fixture"
         )
     if not bodies and all(geom.type in _GROUNDS for geom in spec.worldbody.geoms):
         raise UsageError(f"{what} has no body that could be an object")
-    if not free and len(bodies) != 1 and not named:
+    if not free and len(bodies) != 1:
         return None
-    root = (named or free or bodies)[0]
+    root = next((body for body in free if body.name == name), (free or bodies)[0])
     if hung := [joint for joint in root.joints if joint.type != _FREE]:
         raise UsageError(
             f"{what}: {_listed([root])} hangs in the world by {_listed(hung)}, but an object's "
@@ -73,21 +127,8 @@ def find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | Non
     return root
 
 
-def leave_out_still(spec: mujoco.MjSpec, root: mujoco.MjsBody) -> list[str]:
-    """Delete what an object's file holds beside the object and what moves; return it in words."""
-    bodies = [body for body in spec.worldbody.bodies if body != root]
-    still = [*spec.worldbody.geoms, *(body for body in bodies if not body.find_all("joint"))]
-    words = [f"{_listed(still)} ({STANDS_STILL})"] if still else []
-    for element in still:
-        spec.delete(element)
-    free = [body for body in bodies if any(joint.type == _FREE for joint in body.joints)]
-    if free:
-        words.append(f"a name of its own for {_listed([root])}, one of several that move freely")
-    return words
-
-
-def leave_out_floor(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Delete the planes of a file that would lie in the scene's floor; return them in words.
+def _doubled_floors(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[mujoco.MjsGeom]:
+    """Return the planes of a file that would lie in the scene's floor.
 
     Args:
         spec: of the file, compiled.
@@ -97,15 +138,37 @@ def leave_out_floor(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
     mujoco.mj_kinematics(model, data)
     planes = np.flatnonzero(model.geom_type == _PLANE)
     level = np.abs(data.geom_xmat[planes, 8] - 1.0) < _FLAT
-    floors = set(planes[level & (np.abs(data.geom_xpos[planes, 2]) < _FLAT)].tolist())
-    doubled = [geom for geom in spec.geoms if geom.id in floors]
-    words = [f"{_listed(doubled)} (the scene has a floor)"] if doubled else []
-    for geom in doubled:
-        spec.delete(geom)
+    floors = planes[level & (np.abs(data.geom_xpos[planes, 2]) < _FLAT)].tolist()
+    return [geom for geom in spec.geoms if geom.id in floors]
+
+
+def _leave_out_still(
+    spec: mujoco.MjSpec, root: mujoco.MjsBody, floors: Sequence[mujoco.MjsGeom]
+) -> list[str]:
+    """Delete what an object's file holds beside the object and stands still; say what that was."""
+    geoms = [geom for geom in spec.worldbody.geoms if geom not in floors]
+    bodies = [body for body in spec.worldbody.bodies if body != root]
+    still = [*geoms, *(body for body in bodies if not body.find_all("joint"))]
+    words = [f"left out {_listed(still)}: what stands still belongs in a fixture"] if still else []
+    for element in still:
+        spec.delete(element)
     return words
 
 
-def name_all(spec: mujoco.MjSpec) -> None:
+def _which_root(spec: mujoco.MjSpec, root: mujoco.MjsBody | None, name: str) -> list[str]:
+    """Say which of a file's bodies the object is, if it holds several that it might be."""
+    bodies = spec.worldbody.bodies
+    if root is None and len(bodies) > 1:
+        return [f"{_listed(bodies)} move as one object: none of them has a free joint"]
+    if root is None or root.name == name or len(_free(bodies)) < 2:
+        return []
+    return [
+        f"object {name!r} is {_listed([root])}, the first of several that move freely "
+        "(call the object like the one it is to be)"
+    ]
+
+
+def _name_all(spec: mujoco.MjSpec) -> None:
     """Name the bodies and joints of a file that it leaves unnamed: body_3, joint_1."""
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
         known = {element.name for element in elements}
@@ -118,9 +181,11 @@ def name_all(spec: mujoco.MjSpec) -> None:
                 known.add(label)
 
 
-def _listed(elements: Sequence[Any]) -> str:
-    """Name elements as a file does: geom 'floor', joint 'hinge'."""
-    kind = {id(e): type(e).__name__.removeprefix("Mjs").lower() for e in elements}
-    return ", ".join(
-        f"{kind[id(e)]} {e.name!r}" if e.name else f"a {kind[id(e)]}" for e in elements
-    )
+def _free(bodies: Iterable[mujoco.MjsBody]) -> list[mujoco.MjsBody]:
+    return [body for body in bodies if any(joint.type == _FREE for joint in body.joints)]
+
+
+def _listed(elements: Iterable[Any]) -> str:
+    """Name elements of a file as a file does: geom 'floor', joint 'hinge'."""
+    kinds = ((type(e).__name__.removeprefix("Mjs").lower(), e.name) for e in elements)
+    return ", ".join(f"{kind} {name!r}" if name else f"an unnamed {kind}" for kind, name in kinds)

@@ -6,15 +6,10 @@ from dataclasses import dataclass
 import mujoco
 
 from sumo_dist.errors import UsageError
-from sumo_dist.model.attach import (
-    carry_out_settings,
-    fuse_static,
-    rename,
-    settings_left_out,
-    take_settings,
-)
 from sumo_dist.model.files import compile_alone, find_model, read_model, valid_model
-from sumo_dist.model.part import find_root, leave_out_floor, leave_out_still, name_all, refuse
+from sumo_dist.model.part import Part, read_part
+from sumo_dist.model.references import count_referring, refer
+from sumo_dist.model.settings import settings_left_out, take_settings
 from sumo_dist.robots.robot import Robot
 
 FLOOR = "fixtures/floor.xml"
@@ -114,11 +109,12 @@ def _compose(scene: Scene, options: ModelOptions) -> tuple[mujoco.MjSpec, list[s
     compile_alone(spec, robot, scene.robot.mjcf)
     _check_names(scene, spec)
     _set_options(spec, options)
-    _attach(spec, read_model(floor, FLOOR), "floor")
-    ground = spec.geom("floor/ground")
-    ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
-    said = [_add(spec, thing, free=True) for thing in scene.objects]
-    said += [_add(spec, thing, free=False) for thing in scene.fixtures]
+    with valid_model("the scene"):
+        _attach(spec, Part(read_model(floor, FLOOR)), "floor", free=False)
+        ground = spec.geom("floor/ground")
+        ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
+        said = [_add(spec, thing, free=True) for thing in scene.objects]
+        said += [_add(spec, thing, free=False) for thing in scene.fixtures]
     return spec, [line for line in said if line]
 
 
@@ -136,46 +132,37 @@ def _check_names(scene: Scene, robot: mujoco.MjSpec) -> None:
 
 def _add(spec: mujoco.MjSpec, thing: SceneObject, free: bool) -> str:
     """Add an object (free) or a fixture; return what there is to say about its file."""
-    with warnings.catch_warnings(record=True) as warned, valid_model(thing.mjcf):
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        path = find_model(thing.mjcf)
-        part = read_model(path, thing.mjcf)
-        refuse(part, thing.mjcf)
-        carry_out_settings(part)
-        root = find_root(part, thing.mjcf, thing.name) if free else None
-        words = leave_out_still(part, root) if root else []
-        if root and not root.joints:
-            root.add_freejoint()
-        fuse_static(part)
-        model = compile_alone(part, path, thing.mjcf)
-        words += [] if root else leave_out_floor(part, model)
-        words += settings_left_out(part, spec)
-        name_all(part)
-        if root:
-            to_name, to_joint = rename(part, root), rename(part, root.joints[0])
-            _attach(spec, part, thing.name)
-            to_name(thing.name)
-            to_joint(f"{thing.name}_joint")
-        else:
-            _attach(spec, part, thing.name, below=_free_body(spec, thing.name) if free else None)
-    words = [f"the scene does not take {'; '.join(words)}"] if words else []
+        part = read_part(thing.mjcf, thing.name, free)
+        words = [*part.remarks, *settings_left_out(part.spec, spec)]
+        words += _attach(spec, part, thing.name, free)
     words += [f"MuJoCo warns: {' '.join(str(w.message).split())}" for w in warned]
     return f"{thing.mjcf}: {'; '.join(words)}" if words else ""
 
 
-def _free_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
-    body = spec.worldbody.add_body(name=name)
-    body.add_freejoint(name=f"{name}_joint")
-    return body
-
-
-def _attach(
-    spec: mujoco.MjSpec, part: mujoco.MjSpec, name: str, below: mujoco.MjsBody | None = None
-) -> None:
-    take_settings(part, spec)
-    frame = (below or spec.worldbody).add_frame()
-    with valid_model("the scene"):
-        spec.attach(part, prefix=f"{name}/", frame=frame)
+def _attach(spec: mujoco.MjSpec, part: Part, name: str, free: bool) -> list[str]:
+    """Attach a part under its name; return which of its elements referred to what is left out."""
+    expected = count_referring(spec) + part.referring
+    root, joint = part.root, part.root.joints[0] if part.root else None
+    moved = [(refer(part.spec, floor), "floor/ground") for floor in part.floors]
+    if root and joint:
+        moved += [(refer(part.spec, root), name), (refer(part.spec, joint), f"{name}_joint")]
+    below = spec.worldbody
+    if free and not root:  # all of it moves as one
+        below = spec.worldbody.add_body(name=name)
+        below.add_freejoint(name=f"{name}_joint")
+    take_settings(part.spec, spec)
+    spec.attach(part.spec, prefix=f"{name}/", frame=below.add_frame())
+    if root and joint:
+        root.name, joint.name = name, f"{name}_joint"
+    for to, target in moved:
+        to(target)
+    for floor in part.floors:
+        spec.delete(floor)
+    lost = expected - count_referring(spec)
+    gone = ", ".join(f"{count} of its {kind}" for kind, count in lost.items())
+    return [f"left out {gone}: they refer to what is left out"] if lost else []
 
 
 def _set_options(spec: mujoco.MjSpec, options: ModelOptions) -> None:

@@ -1,17 +1,15 @@
-"""Attaching a file to a scene: its own settings act, the scene's options win, references hold."""
+"""Settings of a file that becomes part of a scene: its compiler's act, its world's do not."""
 
 import re
-from collections.abc import Callable, Iterator
-from functools import partial
-from operator import setitem
-from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco.introspect.ast_nodes import StructFieldDecl
 from mujoco.introspect.structs import STRUCTS
 
-_Obj = mujoco.mjtObj
-_OPTIONS = tuple(field.name for field in STRUCTS["mjOption"].fields)
+_OPTIONS = tuple(
+    field.name for field in STRUCTS["mjOption"].fields if isinstance(field, StructFieldDecl)
+)  # in the order of the bits of `authored`
 _FLAGS = ("disableflags", "enableflags", "disableactuator")
 _SIZES = ("memory", "njmax", "nconmax", "nemax", "nstack", "nuserdata", "nkey")
 _USER = tuple(
@@ -46,7 +44,7 @@ def fuse_static(spec: mujoco.MjSpec) -> None:
 
 
 def settings_left_out(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> list[str]:
-    """What a file sets for a whole world, differs from the scene's, and is not taken; in words."""
+    """What a file sets for a whole world, differs from the scene's, and is left out, in words."""
     written = [n for i, n in enumerate(_OPTIONS) if spec.authored.option >> i & 1]
     names = [
         n for n in written if not np.array_equal(*(getattr(s.option, n) for s in (spec, scene)))
@@ -57,7 +55,8 @@ def settings_left_out(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> list[str]:
     sizes = [n for n in _SIZES if n != "nkey" and getattr(spec, n) != getattr(default, n)]
     words = [f"option {', '.join(options)}"] if options else []
     words += [f"size {', '.join(sizes)}"] if sizes else []
-    return words + (["keyframes"] if spec.keys else [])
+    words += ["keyframes"] if spec.keys else []
+    return [f"left out {'; '.join(words)}: these are the scene's to set"] if words else []
 
 
 def take_settings(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> None:
@@ -67,49 +66,6 @@ def take_settings(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> None:
         spec.delete(key)
     for size in (*_SIZES, *_USER):
         setattr(spec, size, getattr(scene, size))
-
-
-def rename(spec: mujoco.MjSpec, element: mujoco.MjsBody | mujoco.MjsJoint) -> Callable[[str], None]:
-    """Return what gives a body or joint another name, with all that refers to it.
-
-    Call this before the spec is attached, which puts a prefix on names, and the result after.
-    """
-    kinds = (_Obj.mjOBJ_BODY, _Obj.mjOBJ_XBODY)
-    if isinstance(element, mujoco.MjsJoint):
-        kinds = (_Obj.mjOBJ_JOINT,)
-    references = list(_references(spec, kinds, element.name)) if element.name else []
-
-    def to(name: str) -> None:
-        element.name = name
-        for write in references:
-            write(name)
-
-    return to
-
-
-def _references(
-    spec: mujoco.MjSpec, kinds: tuple[mujoco.mjtObj, ...], name: str
-) -> Iterator[Callable[[str], None]]:
-    """What writes another name wherever an element refers to one of these kinds by this name."""
-    typed = [(s, "objtype", "objname") for s in spec.sensors]
-    typed += [(s, "reftype", "refname") for s in spec.sensors]
-    typed += [
-        (e, "objtype", attribute) for e in spec.equalities for attribute in ("name1", "name2")
-    ]
-    scalars: list[tuple[Any, str]] = [(e, attr) for e, of, attr in typed if getattr(e, of) in kinds]
-    lists = [
-        (t.objname, i) for t in spec.tuples for i, kind in enumerate(t.objtype) if kind in kinds
-    ]
-    if _Obj.mjOBJ_BODY in kinds:
-        scalars += [(e, attr) for e in spec.excludes for attr in ("bodyname1", "bodyname2")]
-        scalars += [(e, "targetbody") for e in (*spec.cameras, *spec.lights)]
-        lists += [(s.bodyname, i) for s in spec.skins for i in range(len(s.bodyname))]
-    for element, attribute in scalars:
-        if getattr(element, attribute) == name:
-            yield partial(setattr, element, attribute)
-    for names, i in lists:
-        if names[i] == name:
-            yield partial(setitem, names, i)
 
 
 def _write_masses(spec: mujoco.MjSpec) -> None:
