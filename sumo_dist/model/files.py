@@ -52,28 +52,15 @@ def read_model(path: Path, what: str) -> mujoco.MjSpec:
     """
     if path.suffix.lower() in MESHES:
         raise UsageError(f"{what} is a mesh: name an MJCF or URDF that has it as an asset")
-    with valid_model(what):
-        try:
-            return read_urdf(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
-        except OSError as error:
-            raise UsageError(f"cannot read {what}: {error.strerror}") from None
-
-
-def compile_alone(spec: mujoco.MjSpec, path: Path, what: str) -> mujoco.MjModel:
-    """Compile a file's model before it becomes a part of a scene, so that an error names the file.
-
-    Raises:
-        UsageError: MuJoCo does not take it, or its names are not UTF-8.
-    """
-    with valid_model(what):
-        model = spec.compile()
     try:
-        model.names.decode()
-    except UnicodeDecodeError:
-        raise UsageError(
-            f"{what} has names that are not UTF-8{_place(path)}: save it as UTF-8"
-        ) from None
-    return model
+        content = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"cannot read {what}: {error.strerror}") from None
+    with valid_model(what):
+        if is_urdf(content):
+            return read_urdf(path)
+        _check_encoding(content, what)
+        return mujoco.MjSpec.from_file(str(path))
 
 
 @contextmanager
@@ -81,16 +68,20 @@ def valid_model(what: str) -> Iterator[None]:
     """Turn MuJoCo's complaint into a one-line UsageError that names its subject."""
     try:
         yield
-    except UnicodeDecodeError:  # MuJoCo quotes a name or path in its message as it stands
-        raise UsageError(f"{what} has names that are not UTF-8: save it as UTF-8") from None
+    except UnicodeDecodeError:
+        raise UsageError(
+            f"{what} has names that are not UTF-8, or includes a file that has: save it as UTF-8"
+        ) from None
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise UsageError(f"{what} is not a valid MuJoCo model: {reason}") from None
 
 
-def _place(path: Path) -> str:
-    """The first line that is not UTF-8, if it is in this file and not in one it includes."""
-    for number, line in enumerate(path.read_bytes().splitlines(), 1):
-        if re.sub(rb"[\x00-\x7f]", b"", line).decode(errors="replace").count("\ufffd"):
-            return f", first in line {number}"
-    return ""
+def _check_encoding(content: bytes, what: str) -> None:
+    """See that names are UTF-8, which MuJoCo takes for granted; comments may be anything."""
+    blank = re.sub(rb"<!--.*?-->", lambda c: b"\n" * c[0].count(b"\n"), content, flags=re.DOTALL)
+    try:
+        blank.decode()
+    except UnicodeDecodeError as error:
+        line = blank.count(b"\n", 0, error.start) + 1
+        raise UsageError(f"{what}: line {line} is not UTF-8: save the file as UTF-8") from None

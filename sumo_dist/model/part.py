@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError
-from sumo_dist.model.files import compile_alone, find_model, read_model, valid_model
+from sumo_dist.model.files import find_model, read_model, valid_model
 from sumo_dist.model.references import count_referring
 from sumo_dist.model.settings import carry_out_settings, fuse_static
 
@@ -49,23 +49,21 @@ def read_part(file: str, name: str, free: bool) -> Part:
     Raises:
         UsageError: the file is missing, is no valid model or holds what cannot work in a scene.
     """
-    path = find_model(file)
-    spec = read_model(path, file)
-    _refuse(spec, file)
     with valid_model(file):
+        spec = read_model(find_model(file), file)
+        _refuse(spec, file)
         carry_out_settings(spec)
-    root = _find_root(spec, file, name) if free else None
-    remarks = _which_root(spec, root, name) if free else []
-    if root and not root.joints:
-        root.add_freejoint()
-    with valid_model(file):
+        root = _find_root(spec, file, name) if free else None
+        remarks = _which_root(spec, root, name) if free else []
+        if root and not root.joints:
+            root.add_freejoint()
         fuse_static(spec)
-    floors = _doubled_floors(spec, compile_alone(spec, path, file))
-    referring = count_referring(spec)
-    remarks += _leave_out_still(spec, root, floors) if root else []
-    if floors:
-        remarks.append(f"left out its floor, {_listed(floors)}: the scene has one")
-    _name_all(spec)
+        floors = _doubled_floors(spec)
+        referring = count_referring(spec)
+        remarks += _leave_out_still(spec, root, floors) if root else []
+        if floors:
+            remarks.append(f"left out its floor, {_listed(floors)}: the scene has one")
+        _name_all(spec)
     return Part(spec, root, floors, remarks, referring)
 
 
@@ -127,13 +125,9 @@ def _find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | No
     return root
 
 
-def _doubled_floors(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[mujoco.MjsGeom]:
-    """Return the planes of a file that would lie in the scene's floor.
-
-    Args:
-        spec: of the file, compiled.
-        model: its compiled model.
-    """
+def _doubled_floors(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
+    """Compile a file, alone so that an error is its own; find its planes in the scene's floor."""
+    model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     planes = np.flatnonzero(model.geom_type == _PLANE)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from sumo_dist.errors import UsageError
-from sumo_dist.model.files import compile_alone, find_model, read_model, valid_model
+from sumo_dist.model.files import find_model, read_model, valid_model
 from sumo_dist.model.part import Part, read_part
 from sumo_dist.model.references import count_referring, refer
 from sumo_dist.model.settings import settings_left_out, take_settings
@@ -104,13 +104,14 @@ def remarks(scene: Scene) -> list[str]:
 
 
 def _compose(scene: Scene, options: ModelOptions) -> tuple[mujoco.MjSpec, list[str]]:
-    robot, floor = (find_model(file) for file in (scene.robot.mjcf, FLOOR))
-    spec = read_model(robot, scene.robot.mjcf)  # the parent, so that its names need no prefix
-    compile_alone(spec, robot, scene.robot.mjcf)
+    # The robot is the parent, so that its names need no prefix.
+    spec, floor = (read_model(find_model(file), file) for file in (scene.robot.mjcf, FLOOR))
+    with valid_model(scene.robot.mjcf):
+        spec.compile()  # alone, so that an error names its file
     _check_names(scene, spec)
     _set_options(spec, options)
     with valid_model("the scene"):
-        _attach(spec, Part(read_model(floor, FLOOR)), "floor", free=False)
+        _attach(spec, Part(floor), "floor", free=False)
         ground = spec.geom("floor/ground")
         ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
         said = [_add(spec, thing, free=True) for thing in scene.objects]

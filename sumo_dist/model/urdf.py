@@ -14,9 +14,9 @@ READABLE = (".obj", ".stl", ".msh")
 SEEN, TOUCHED, HIDDEN = 1, 0, 3  # geom groups: MuJoCo's of a URDF's visuals and collisions; ours
 
 
-def is_urdf(path: Path) -> bool:
+def is_urdf(content: bytes) -> bool:
     """Whether a file's outermost element is a URDF's."""
-    text = re.sub(rb"<!--.*?-->", b"", path.read_bytes(), flags=re.DOTALL)
+    text = re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL)
     outermost = re.search(rb"<\s*([A-Za-z]\w*)", text)
     return outermost is not None and outermost[1] == b"robot"
 
