@@ -7,6 +7,7 @@ import numpy as np
 from mujoco.introspect.ast_nodes import StructFieldDecl
 from mujoco.introspect.structs import STRUCTS
 
+_FromGeom = mujoco.mjtInertiaFromGeom
 _OPTIONS = tuple(
     field.name for field in STRUCTS["mjOption"].fields if isinstance(field, StructFieldDecl)
 )  # in the order of the bits of `authored`
@@ -29,7 +30,11 @@ def carry_out_settings(spec: mujoco.MjSpec) -> None:
         for texture in spec.textures:
             texture.cubefiles = [_without_folder(file) for file in texture.cubefiles]
         spec.strippath = False
-    if spec.compiler.settotalmass > 0:
+    # The planning model has no visual geoms, so inertia must not come from them there.
+    if (
+        spec.compiler.settotalmass > 0
+        or spec.compiler.inertiafromgeom == _FromGeom.mjINERTIAFROMGEOM_TRUE
+    ):
         _write_masses(spec)
     if spec.compiler.discardvisual:
         spec.discard_visual()
@@ -70,7 +75,11 @@ def take_settings(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> None:
 
 def _write_masses(spec: mujoco.MjSpec) -> None:
     """Write into each body the mass and inertia that the file's settings come to."""
-    model = spec.copy().compile()
+    as_written = spec.copy()  # bodies neither fused nor moved
+    as_written.compiler.fusestatic = as_written.compiler.alignfree = False
+    for joint in as_written.joints:
+        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+    model = as_written.compile()
     for i, body in enumerate(spec.bodies):
         if model.body_mass[i] > 0:
             body.mass, body.inertia = model.body_mass[i], model.body_inertia[i]
@@ -79,7 +88,7 @@ def _write_masses(spec: mujoco.MjSpec) -> None:
             body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     spec.compiler.settotalmass = -1.0
     spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.compiler.inertiafromgeom = _FromGeom.mjINERTIAFROMGEOM_AUTO
 
 
 def _without_folder(file: str) -> str:
