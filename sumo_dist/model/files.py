@@ -80,6 +80,8 @@ def valid_model(what: str) -> Iterator[None]:
 def _check_encoding(content: bytes, what: str) -> None:
     """See that names are UTF-8, which MuJoCo takes for granted; comments may be anything."""
     blank = re.sub(rb"<!--.*?-->", lambda c: b"\n" * c[0].count(b"\n"), content, flags=re.DOTALL)
+    if b"\0" in content:
+        raise UsageError(f"{what} is not UTF-8 text: name an MJCF or URDF")
     try:
         blank.decode()
     except UnicodeDecodeError as error:

@@ -41,6 +41,10 @@ class Part:
 def read_part(file: str, name: str, free: bool) -> Part:
     """Read an object's (free) or a fixture's file.
 
+    An object is the body of the file that has a free joint, or its only body, which gets one; what
+    stands still beside it is left out. If there is no such body, all that the file holds is one
+    object. A fixture is all that the file holds, and hangs in the world as it does there.
+
     Args:
         file: see `find_model`.
         name: of the object or fixture in the scene.
@@ -68,15 +72,7 @@ def read_part(file: str, name: str, free: bool) -> Part:
 
 
 def _refuse(spec: mujoco.MjSpec, what: str) -> None:
-    """Refuse what an object or fixture cannot have.
-
-    Args:
-        spec: of the file.
-        what: the file, as messages call it.
-
-    Raises:
-        UsageError: it holds actuators or soft bodies.
-    """
+    """Refuse what neither an object nor a fixture can have: actuators and soft bodies."""
     if spec.actuators:
         raise UsageError(
             f"{what} has actuators, {_listed(spec.actuators)}, which nothing would drive: only the "
@@ -92,17 +88,7 @@ def _refuse(spec: mujoco.MjSpec, what: str) -> None:
 def _find_root(spec: mujoco.MjSpec, what: str, name: str) -> mujoco.MjsBody | None:
     """Find the top-level body that is the object; None if all that the file holds is one object.
 
-    It is the one that has a free joint; of several, the one called like the object, else the first.
-    Without any it is the only body there is. Several without a free joint keep their places in one
-    that moves, as do the geoms of a file without a body.
-
-    Args:
-        spec: of the file.
-        what: the file, as messages call it.
-        name: of the object in the scene.
-
-    Raises:
-        UsageError: there is nothing that could move freely.
+    Of several with a free joint it is the one called like the object, else the first.
     """
     mocap = [body for body in spec.worldbody.bodies if body.mocap]
     bodies = [body for body in spec.worldbody.bodies if not body.mocap]

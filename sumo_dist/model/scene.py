@@ -22,10 +22,11 @@ class SceneObject:
 
     One file can be placed several times: whatever it names is called `<name>/<its name>` in the
     scene, except an object's root body, `<name>`, and that body's free joint, `<name>_joint`.
+    Bodies and joints without a name are called `<name>/body_<number>`, `<name>/joint_<number>`.
 
     Attributes:
         name: unique in the scene.
-        mjcf: model file, below assets/ or an absolute path.
+        mjcf: model file, MJCF or URDF: below assets/ or an absolute path.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Scene:
 
     Attributes:
         robot: its elements keep the names of its file.
-        objects: move freely; each file has one top-level body.
+        objects: move freely; see `part.read_part` for what becomes of a file.
         fixtures: stay where their files put them, or hang there by joints of their own.
         floor_friction: sliding friction of the floor with whatever has no higher priority.
         floor_priority: of that friction, as MuJoCo's geoms have it.

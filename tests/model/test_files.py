@@ -52,6 +52,7 @@ def test_names_are_utf_8_and_comments_may_be_anything(tmp_path, content):
     ("name", "content", "message"),
     [
         ("m.xml", b"<mujoco model='a'>\n<!-- \xfc\n -->\n\xe4</mujoco>", "it: line 4 is not UTF-8"),
+        ("m.xml", "<mujoco/>".encode("utf-16"), "it is not UTF-8 text"),
         ("m.xml", b"", "it is not a valid MuJoCo model"),
         ("m.xml", b"<sdf/>", "it is not a valid MuJoCo model"),
         ("m.urdf", b"<robot>", "it is not a valid MuJoCo model: XML Error"),
