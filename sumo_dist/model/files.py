@@ -13,6 +13,10 @@ from sumo_dist.model.urdf import is_urdf, read_urdf
 
 ASSETS = Path(__file__).parents[1] / "assets"
 MODELS = (".xml", ".urdf")
+_WAYS_OUT = {
+    "mjMINVAL": "give what is to move a mass and an inertia, or leave <inertial> out of its file",
+    "positive eigenvalues": "leave <inertial> out, then the shapes have a density",
+}
 MESHES = (".obj", ".stl", ".msh", ".ply", ".dae", ".glb", ".gltf", ".fbx", ".usd", ".usda")
 
 
@@ -58,7 +62,7 @@ def read_model(path: Path, what: str) -> mujoco.MjSpec:
         raise UsageError(f"cannot read {what}: {error.strerror}") from None
     with valid_model(what):
         if is_urdf(content):
-            return read_urdf(path)
+            return read_urdf(content, path)
         _check_encoding(content, what)
         return mujoco.MjSpec.from_file(str(path))
 
@@ -74,6 +78,7 @@ def valid_model(what: str) -> Iterator[None]:
         ) from None
     except ValueError as error:
         reason = " ".join(str(error).split())
+        reason += "".join(f": {way}" for sign, way in _WAYS_OUT.items() if sign in reason)
         raise UsageError(f"{what} is not a valid MuJoCo model: {reason}") from None
 
 

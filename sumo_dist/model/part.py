@@ -61,7 +61,7 @@ def read_part(file: str, name: str, free: bool) -> Part:
         remarks = _which_root(spec, root, name) if free else []
         if root and not root.joints:
             root.add_freejoint()
-        fuse_static(spec)
+        fuse_static(spec, into_world=not free or root is not None)
         floors = _doubled_floors(spec)
         referring = count_referring(spec)
         remarks += _leave_out_still(spec, root, floors) if root else []

@@ -41,11 +41,17 @@ def carry_out_settings(spec: mujoco.MjSpec) -> None:
         spec.compiler.discardvisual = False
 
 
-def fuse_static(spec: mujoco.MjSpec) -> None:
-    """Fuse bodies without joints with their parents if the file says so."""
-    if spec.compiler.fusestatic:
+def fuse_static(spec: mujoco.MjSpec, into_world: bool) -> None:
+    """Fuse bodies without joints with their parents if the file says so.
+
+    Args:
+        spec: of the file.
+        into_world: what is fused with the world stays there; else nothing is fused, because masses
+            would be lost of what is to move.
+    """
+    if spec.compiler.fusestatic and into_world:
         spec.fuse_static()
-        spec.compiler.fusestatic = False
+    spec.compiler.fusestatic = False
 
 
 def settings_left_out(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> list[str]:

@@ -1,4 +1,4 @@
-"""URDF for MuJoCo: it would drop what is only seen, strip folders off mesh files, merge links."""
+"""URDF for MuJoCo, which would drop what is only seen, mesh files' folders and links' names."""
 
 import re
 from pathlib import Path
@@ -8,8 +8,6 @@ import mujoco
 
 from sumo_dist.errors import UsageError
 
-# MuJoCo's defaults for URDF are the opposite; a file's own <mujoco><compiler> has the last word.
-KEEP = {"discardvisual": "false", "fusestatic": "false"}
 READABLE = (".obj", ".stl", ".msh")
 SEEN, TOUCHED, HIDDEN = 1, 0, 3  # geom groups: MuJoCo's of a URDF's visuals and collisions; ours
 
@@ -21,27 +19,47 @@ def is_urdf(content: bytes) -> bool:
     return outermost is not None and outermost[1] == b"robot"
 
 
-def read_urdf(path: Path) -> mujoco.MjSpec:
-    """Parse a URDF with all it holds: visuals, fixed links, meshes wherever its package has them.
+def read_urdf(content: bytes, path: Path) -> mujoco.MjSpec:
+    """Parse a URDF with all it holds, visuals included, meshes wherever its package has them.
 
-    A link that has visuals shows them in place of its collision shapes.
+    A link that has visuals shows them in place of its collision shapes. MuJoCo makes a link that is
+    fixed to another a part of that one: a site keeps its name and its place.
+
+    Args:
+        content: of the file.
+        path: of the file.
 
     Raises:
         UsageError: a mesh is missing, or the file is a template that xacro has not expanded.
         ValueError: MuJoCo does not take it.
     """
     try:
-        robot = ElementTree.parse(path).getroot()
+        robot = ElementTree.fromstring(content[content.find(b"<") : content.rfind(b">") + 1])
     except ElementTree.ParseError as error:
         raise ValueError(f"XML Error: {error}") from None
     if any("xacro" in str(element.tag) for element in robot.iter()):
         raise UsageError(f"{path} is a xacro template: expand it first (xacro FILE > NAME.urdf)")
     _locate_meshes(robot, path, _settings(robot))
-    spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, "unicode"))
-    for body in spec.bodies:
+    spec = _without_bad_visuals(robot)
+    for body in spec.bodies[1:]:
+        if not body.joints:
+            body.add_site(name=body.name, group=HIDDEN)
         if any(geom.group == SEEN for geom in body.geoms):
             for geom in body.geoms:
                 geom.group = HIDDEN if geom.group == TOUCHED else geom.group
+    return spec
+
+
+def _without_bad_visuals(robot: ElementTree.Element) -> mujoco.MjSpec:
+    """Parse a URDF; without its visuals, as MuJoCo by default, if it cannot have them."""
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, "unicode"))
+    try:
+        spec.copy().compile()
+    except ValueError:
+        for link in robot.iter("link"):
+            for visual in link.findall("visual"):
+                link.remove(visual)
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, "unicode"))
     return spec
 
 
@@ -54,8 +72,7 @@ def _settings(robot: ElementTree.Element) -> ElementTree.Element:
     settings = extension.find("compiler")
     if settings is None:
         settings = ElementTree.SubElement(extension, "compiler")
-    for key, value in KEEP.items():
-        settings.attrib.setdefault(key, value)
+    settings.attrib.setdefault("discardvisual", "false")  # a file's own setting has the last word
     return settings
 
 

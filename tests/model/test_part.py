@@ -62,6 +62,17 @@ def test_what_has_no_free_body_is_one_object_as_a_whole(part, elements):
     assert len(top(got)) + len(got.spec.worldbody.geoms) == len(elements)
 
 
+def test_masses_that_a_file_states_move_along_with_fixed_links(tmp_path):
+    inertia = '<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/>'
+    link = f'<link name="{{}}"><inertial><mass value="3"/>{inertia}</inertial></link>'
+    (tmp_path / "two.urdf").write_text(
+        f'<robot name="two">{link.format("left")}{link.format("right")}</robot>'
+    )
+    part = read_part(str(tmp_path / "two.urdf"), "it", free=True)
+    assert part.root is None
+    assert part.spec.compile().body_mass.tolist() == [0, 3, 3]
+
+
 @pytest.mark.parametrize(
     ("elements", "message"),
     [

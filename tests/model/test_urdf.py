@@ -33,7 +33,7 @@ def urdf(tmp_path):
     def read(content, encoding="utf-8", head=""):
         path = tmp_path / "cart" / "urdf" / "cart.urdf"
         path.write_text(f'{head}<robot name="cart">{content}</robot>', encoding=encoding)
-        return read_urdf(path)
+        return read_urdf(path.read_bytes(), path)
 
     return read
 
@@ -58,14 +58,18 @@ def test_visuals_are_kept_and_seen_in_place_of_collision_shapes(urdf):
     assert model.geom_contype.tolist() == [0, 1, 1]
 
 
-def test_fixed_links_stay_bodies_unless_the_file_says_otherwise(urdf):
+def test_fixed_links_leave_their_name_to_a_site(urdf):
     both = link("cart", ("collision", BOX)) + link("knob", ("collision", BOX), mass=0.5)
-    fixed = '<joint name="j" type="fixed"><parent link="cart"/><child link="knob"/></joint>'
-    model = urdf(both + fixed).compile()
-    assert [model.body(i).name for i in range(model.nbody)] == ["world", "cart", "knob"]
+    ends = '<parent link="cart"/><child link="knob"/><origin xyz="1 2 3"/>'
+    fixed = f'<joint name="j" type="fixed">{ends}</joint>'
+    spec = urdf(both + fixed)
+    spec.bodies[1].add_freejoint()
+    model = spec.compile()
+    np.testing.assert_array_equal(model.body_mass, [0, 3.5])
+    np.testing.assert_array_equal(model.site("knob").pos, [1, 2, 3])
+    settings = '<mujoco><compiler fusestatic="false"/></mujoco>'
+    model = urdf(settings + both + fixed).compile()
     np.testing.assert_array_equal(model.body_mass, [0, 3, 0.5])
-    settings = '<mujoco><compiler fusestatic="true"/></mujoco>'
-    assert urdf(settings + both + fixed).compile().nbody == 1
 
 
 @pytest.mark.parametrize(
@@ -96,6 +100,16 @@ def test_a_visual_that_mujoco_cannot_read_is_left_out_a_collision_shape_is_misse
     if uri.endswith("none.obj"):
         with pytest.raises(UsageError, match=r"mesh '.*none.obj' of link 'cart' is neither in"):
             urdf(link("cart", ("collision", mesh(uri))))
+
+
+def test_visuals_that_mujoco_cannot_have_are_left_out(urdf):
+    flat = link("cart", ("visual", '<box size="1 0 1"/>'), ("collision", BOX))
+    assert urdf(flat).compile().geom_group.tolist() == [TOUCHED]
+
+
+def test_what_is_around_the_outermost_element_does_not_matter(tmp_path):
+    text = f'\n<?xml version="1.0"?><robot name="r">{link("r", ("collision", BOX))}</robot>\n\0'
+    assert read_urdf(text.encode(), tmp_path / "r.urdf").compile().ngeom == 1
 
 
 def test_a_declared_encoding_counts(urdf):
