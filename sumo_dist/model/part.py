@@ -64,9 +64,14 @@ def read_part(file: str, name: str, free: bool) -> Part:
         fuse_static(spec, into_world=not free or root is not None)
         floors = _doubled_floors(spec)
         referring = count_referring(spec)
-        remarks += _leave_out_still(spec, root, floors) if root else []
-        if floors:
-            remarks.append(f"left out its floor, {_listed(floors)}: the scene has one")
+        if root:
+            floors = [geom for geom in floors if geom in spec.worldbody.geoms]
+            remarks += _leave_out_still(spec, root, floors)
+        lights = spec.worldbody.lights  # those of bodies stay
+        own = {"a floor": floors, "lights": lights}
+        remarks += [f"left out {_listed(of)}: the scene has {a}" for a, of in own.items() if of]
+        for light in lights:
+            spec.delete(light)
         _name_all(spec)
     return Part(spec, root, floors, remarks, referring)
 

@@ -9,7 +9,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.model.files import find_model, read_model, valid_model
 from sumo_dist.model.part import Part, read_part
 from sumo_dist.model.references import count_referring, refer
-from sumo_dist.model.settings import settings_left_out, take_settings
+from sumo_dist.model.settings import carry_out_settings, settings_left_out, take_settings
 from sumo_dist.robots.robot import Robot
 
 FLOOR = "fixtures/floor.xml"
@@ -26,7 +26,7 @@ class SceneObject:
 
     Attributes:
         name: unique in the scene.
-        mjcf: model file, MJCF or URDF: below assets/ or an absolute path.
+        mjcf: model file, MJCF or URDF: below assets/, an absolute path or one in `~`.
     """
 
     name: str
@@ -108,6 +108,7 @@ def _compose(scene: Scene, options: ModelOptions) -> tuple[mujoco.MjSpec, list[s
     # The robot is the parent, so that its names need no prefix.
     spec, floor = (read_model(find_model(file), file) for file in (scene.robot.mjcf, FLOOR))
     with valid_model(scene.robot.mjcf):
+        carry_out_settings(spec)
         spec.compile()  # alone, so that an error names its file
     _check_names(scene, spec)
     _set_options(spec, options)

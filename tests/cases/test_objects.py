@@ -70,9 +70,9 @@ def answers(ask, tmp_path):
 )
 def test_references_to_the_root(answers, brought, rest):
     kind = "references to an object's root body or free joint"
-    light = '<light mode="targetbody" target="chest"/>'
+    light = '<body name="lamp"><light mode="targetbody" target="chest"/></body></body>'
     camera = '<camera name="eye" mode="targetbodycom" target="chest" pos="0 2 1"/>'
-    answers(kind, brought, world(CHEST + light + camera, rest))
+    answers(kind, brought, world(CHEST.removesuffix("</body>") + light + camera, rest))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,8 @@ FLOOR = '<geom name="ground" type="plane" size="4 4 .1"/>'
 @pytest.mark.parametrize(
     ("brought", "model", "says"),
     [
-        ("its own floor", world(FLOOR + CHEST), "left out its floor, geom 'ground'"),
+        ("its own floor", world(FLOOR + CHEST), "left out geom 'ground': the scene has a floor$"),
+        ("its own light", world("<light pos='0 0 3'/>" + CHEST), "light: the scene has lights$"),
         (
             "a table that it stands on",
             world('<body name="table"><geom size=".2"/></body>' + CHEST),
@@ -151,7 +152,7 @@ def test_a_fixtures_floor(answers, tmp_path):
         "what a file brings along besides its body",
         "a fixture's own floor",
         world(CHEST),
-        "hall.xml: left out its floor, geom 'ground': the scene has one",
+        "hall.xml: left out geom 'ground': the scene has a floor",
         fixtures='(SceneObject("hall", "hall.xml"),)',
     )
 

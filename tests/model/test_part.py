@@ -4,6 +4,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.model.part import read_part
 
 BALL = '<geom size=".1"/>'
+PLANE = '<geom type="plane" size="1 1 1"/>'
 FREE = f'<body name="{{}}"><freejoint/>{BALL}</body>'
 STILL = f'<body name="{{}}">{BALL}</body>'
 HUNG = f'<body name="{{}}"><joint name="pin"/>{BALL}</body>'
@@ -34,6 +35,7 @@ def top(part):
         ([f'<body name="a"><joint type="free"/>{BALL}</body>'], "a", ["a"]),
         ([STILL.format("shelf"), FREE.format("a"), BALL], "a", ["a"]),
         ([HUNG.format("door"), FREE.format("a")], "a", ["door", "a"]),
+        ([f'<body name="ground">{PLANE}</body>', FREE.format("a"), PLANE], "a", ["a"]),
         ([FREE.format("b"), FREE.format("it")], "it", ["b", "it"]),
         ([FREE.format("b"), FREE.format("c")], "b", ["b", "c"]),
         ([MOCAP.format("hand"), FREE.format("a")], "a", ["a"]),
@@ -45,7 +47,7 @@ def test_which_body_is_the_object_and_what_stays_with_it(part, elements, root, s
     assert got.root.name == root
     assert len(got.root.joints) == 1
     assert top(got) == stays
-    assert not got.spec.worldbody.geoms
+    assert [*got.spec.worldbody.geoms] == got.floors
 
 
 @pytest.mark.parametrize(
@@ -79,7 +81,7 @@ def test_masses_that_a_file_states_move_along_with_fixed_links(tmp_path):
         ([HUNG.format("leaf")], "body 'leaf' hangs in the world by joint 'pin', .*as a fixture"),
         ([MOCAP.format("hand")], "body 'hand' is a mocap body, .*as a fixture"),
         ([MOCAP.format("l"), MOCAP.format("r")], "body 'l', body 'r' is a mocap body"),
-        (['<geom type="plane" size="1 1 1"/>'], "has no body that could be an object"),
+        ([PLANE], "has no body that could be an object"),
         (['<body><site name="s"/></body>'], "mass and inertia of moving bodies"),
     ],
 )
@@ -102,7 +104,7 @@ def test_what_is_left_out_of_an_object_is_said(part):
 @pytest.mark.parametrize(
     ("plane", "is_the_floor"),
     [
-        ('<geom type="plane" size="1 1 1"/>', True),
+        (PLANE, True),
         ('<body pos="0 0 1"><geom type="plane" size="1 1 1" pos="0 0 -1"/></body>', True),
         ('<geom type="plane" size="1 1 1" pos="0 0 .2"/>', False),
         ('<geom type="plane" size="1 1 1" euler="10 0 0"/>', False),

@@ -167,10 +167,12 @@ def test_a_thing_named_as_a_part_of_the_robot_is_an_error():
 CHEST = """<worldbody>
   <geom name="ground" type="plane" size="1 1 1"/>
   <camera name="eye" mode="targetbody" target="chest" pos="0 3 1"/>
-  <light name="lamp" mode="targetbodycom" target="chest"/>
+  <light name="sun" mode="targetbody" target="chest"/>
   <body name="chest" pos="0 0 .5">
     <freejoint name="free"/><geom name="side" type="box" size=".3 .2 .1" mass="4"/>
-    <body name="lid"><joint name="hinge"/><geom size=".1"/></body>
+    <body name="lid"><joint name="hinge"/><geom size=".1"/>
+      <light name="lamp" mode="targetbodycom" target="chest"/>
+    </body>
   </body>
 </worldbody>
 <contact>
@@ -219,7 +221,8 @@ def test_what_the_files_bring_along_is_a_line_each(tmp_path):
     for line in (first, second):
         assert line.startswith(f"{chest}: ")
         assert "left out option timestep, density: these are the scene's to set" in line
-        assert "left out its floor, geom 'ground': the scene has one" in line
+        assert "left out geom 'ground': the scene has a floor" in line
+        assert "left out light 'sun': the scene has lights" in line
 
 
 @pytest.mark.parametrize("options", [PLANT, PLANNING])
