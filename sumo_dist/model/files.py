@@ -61,9 +61,11 @@ def read_model(path: Path, what: str) -> mujoco.MjSpec:
     except OSError as error:
         raise UsageError(f"cannot read {what}: {error.strerror}") from None
     with valid_model(what):
-        if is_urdf(content):
+        urdf = is_urdf(content)
+        if not (urdf and _declares_encoding(content)):
+            _check_encoding(content, what)
+        if urdf:
             return read_urdf(content, path)
-        _check_encoding(content, what)
         return mujoco.MjSpec.from_file(str(path))
 
 
@@ -80,6 +82,12 @@ def valid_model(what: str) -> Iterator[None]:
         reason = " ".join(str(error).split())
         reason += "".join(f": {way}" for sign, way in _WAYS_OUT.items() if sign in reason)
         raise UsageError(f"{what} is not a valid MuJoCo model: {reason}") from None
+
+
+def _declares_encoding(content: bytes) -> bool:
+    """Whether a file says that it is in something else than UTF-8, which MuJoCo does not heed."""
+    declared = re.match(rb"\s*<\?xml[^>]*encoding\s*=\s*[\"']([^\"']+)", content)
+    return declared is not None and declared[1].lower() not in (b"utf-8", b"us-ascii")
 
 
 def _check_encoding(content: bytes, what: str) -> None:

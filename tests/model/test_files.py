@@ -53,6 +53,9 @@ def test_names_are_utf_8_and_comments_may_be_anything(tmp_path, content):
     [
         ("m.xml", b"<mujoco model='a'>\n<!-- \xfc\n -->\n\xe4</mujoco>", "it: line 4 is not UTF-8"),
         ("m.xml", "<mujoco/>".encode("utf-16"), "it is not UTF-8 text"),
+        ("m.urdf", b"<robot name='K\xe4'/>", "it: line 1 is not UTF-8"),
+        ("m.urdf", b"<?xml version='1.0' encoding='UTF-8'?><robot name='\xe4'/>", "not UTF-8"),
+        ("m.xml", b"<?xml version='1.0' encoding='latin1'?><mujoco model='\xe4'/>", "not UTF-8"),
         ("m.xml", b"", "it is not a valid MuJoCo model"),
         ("m.xml", b"<sdf/>", "it is not a valid MuJoCo model"),
         ("m.urdf", b"<robot>", "it is not a valid MuJoCo model: XML Error"),
