@@ -12,8 +12,8 @@ import numpy as np
 from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.errors import SumoError
-from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.files import find_model
+from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, Scene, build_spec, compile_model
 from sumo_dist.model.settle import height_above_floor, settled_stand
