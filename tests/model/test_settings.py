@@ -51,7 +51,7 @@ def test_settings_act_as_in_the_file_alone(tmp_path, compiler):
     path.write_text(f"<mujoco><compiler {compiler}/><worldbody>{BODIES}</worldbody></mujoco>")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # settotalmass is old
-        alone = mujoco.MjModel.from_xml_path(str(path))
+        alone = mujoco.MjSpec.from_file(str(path)).compile()
     plant, planning = (compile_model(scene(path), options) for options in (PLANT, PLANNING))
     robot = compile_model(Scene(SPOT), PLANT)
     for size, names in ARRAYS.items():
