@@ -1,20 +1,26 @@
-"""The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
+"""The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run.
+
+This module imports little, so that hardly anything comes before the signals are taken care of.
+"""
 
 import os
+import select
 import signal
 import sys
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from typing import IO, NamedTuple, NoReturn
 
-import tyro
+from sumo_dist.errors import SumoError, UsageError, unknown
 
-from sumo_dist.errors import SumoError, unknown
+HELP = ("-h", "--help", "help")
+INTERRUPTED = 130
+BROKEN_PIPE = 141  # what a shell says of a program that SIGPIPE ends
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """One command.
 
     Attributes:
@@ -31,13 +37,16 @@ class Command:
 
     def run(self, name: str, args: Sequence[str]) -> int:
         """Parse the arguments and run."""
-        module = import_module(self.module)
-        options = tyro.cli(
-            getattr(module, self.options),
-            prog=f"sumo-dist {name}",
-            args=args,
-            description=self.summary,
-        )
+        with _ended_at_once():
+            import tyro
+
+            module = import_module(self.module)
+            options = tyro.cli(
+                getattr(module, self.options),
+                prog=f"sumo-dist {name}",
+                args=args,
+                description=self.summary,
+            )
         return getattr(module, self.entry)(options)
 
 
@@ -125,36 +134,122 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; every expected failure is one line on stderr and an exit code.
 
     Returns:
-        0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted.
+        0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted; 141 where whoever read
+        the output has gone away.
     """
     # Before numpy is imported: rollouts have their own threads, BLAS's would spin beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    args = list(sys.argv[1:] if argv is None else argv)
-    if not args or args[0] in ("-h", "--help"):
-        print(_overview())
-        return 0 if args else 2
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
-    name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
+    for stream in (sys.stdout, sys.stderr):  # what a locale has no letters for is escaped
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
     try:
-        if name not in COMMANDS:
-            raise unknown("command", name, COMMANDS)
-        return COMMANDS[name].run(name, args[len(name.split()) :])
+        code = _answer(list(sys.argv[1:] if argv is None else argv))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        gone = [stream for stream in (sys.stdout, sys.stderr) if _nobody_reads(stream)]
+        if not gone:  # another pipe than ours
+            raise
+        for stream in gone:  # what is left in its buffer is flushed when the process ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return BROKEN_PIPE
+
+
+def _answer(args: list[str]) -> int:
+    try:
+        return _run(args)
     except SumoError as error:
         print(f"sumo-dist: {error}", file=sys.stderr)
         return error.exit_code
     except SystemExit as exit_:  # tyro has said what is wrong
-        return int(exit_.code or 0)
+        if isinstance(exit_.code, str):
+            print(f"sumo-dist: {exit_.code}", file=sys.stderr)
+            return SumoError.exit_code
+        return exit_.code or 0
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except ImportError as error:  # what a native module makes of a signal that comes meanwhile
         if isinstance(error.__cause__, KeyboardInterrupt):
-            return 130
+            return INTERRUPTED
         raise
 
 
-def _overview() -> str:
-    rows = (f"  {name:<18}{command.summary}" for name, command in COMMANDS.items())
-    return "\n".join(
-        ["usage: sumo-dist COMMAND [options]", "", *rows, "", "sumo-dist COMMAND --help says more."]
-    )
+def _run(args: list[str]) -> int:
+    _check_text(args)
+    if args and args[0] in HELP:  # `help bench rollout` is `bench rollout --help`
+        args = [word for word in args if word not in HELP]
+        args = [*args, "--help"] if args else ["--help"]
+    if not args or args == ["--help"]:
+        print(_overview())
+        return 0 if args else UsageError.exit_code
+    if args[0] in ("-V", "--version"):
+        from sumo_dist.provenance import release
+
+        print(f"sumo-dist {release()}")
+        return 0
+    if args[0] in GROUPS and (len(args) == 1 or args[1] in HELP):
+        print(_overview(args[0]))
+        return 0
+    name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
+    if name not in COMMANDS:
+        raise unknown("command", name, _within(args[0] if args[0] in GROUPS else ""))
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
+    return COMMANDS[name].run(name, args[len(name.split()) :])
+
+
+def _check_text(args: Sequence[str]) -> None:
+    """Refuse what no message and no file could carry on: bytes that are no text."""
+    for word in args:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            shown = word.encode(errors="backslashreplace").decode()
+            raise UsageError(f"argument {shown} is not UTF-8 text; rename what it names") from None
+
+
+def _within(group: str) -> list[str]:
+    """Names of the commands of a group, or of all."""
+    return [name for name in COMMANDS if not group or name.startswith(f"{group} ")]
+
+
+def _overview(group: str = "") -> str:
+    rows = (f"  {name:<18}{COMMANDS[name].summary}" for name in _within(group))
+    what = f"{group} COMMAND" if group else "COMMAND"
+    lines = [f"usage: sumo-dist {what} [options]", "", *rows, ""]
+    return "\n".join([*lines, f"sumo-dist {what} --help says more."])
+
+
+@contextmanager
+def _ended_at_once() -> Iterator[None]:
+    """While modules are imported, Ctrl-C and SIGTERM end the process, without a word.
+
+    An exception would come out of whatever is half imported, as anything and with a traceback.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:  # as nohup and a shell's & have it
+            signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(*_: object) -> NoReturn:
+    os._exit(INTERRUPTED)
+
+
+def _nobody_reads(stream: IO[str] | None) -> bool:
+    """Whether the reader of a pipe has gone away."""
+    try:
+        poll = select.poll()
+        poll.register(stream.fileno(), 0)  # pyright: ignore[reportOptionalMemberAccess]
+    except (AttributeError, OSError, ValueError):  # there is no such stream, or it is no file
+        return False
+    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

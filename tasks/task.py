@@ -13,6 +13,7 @@ from sumo_dist.costs.terms import CostTerm
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.tasks.reset import Start
 from sumo_dist.tasks.terms import Predicate
@@ -58,6 +59,9 @@ class Task:
         controller: what turns commands into joint targets inside rollouts and on the robot:
             "policy", the robot's low-level policy, or "joint-targets", none: the action space's
             commands are joint targets that the servos hold.
+        planner: settings of the planner that the task needs, by name, such as {"horizon": 2.5};
+            all others are the defaults, and whoever runs it may change any.
+        description: what the robot does, in one line.
         source: what `load_task` finds the task by: its name, or the absolute path of its file.
     """
 
@@ -75,6 +79,8 @@ class Task:
     time_limit: float = 30.0
     trails: tuple[str, ...] = ()
     controller: ControllerName = "policy"
+    planner: Mapping[str, int | float | str] = field(default_factory=dict)
+    description: str = ""
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -91,6 +97,7 @@ class Task:
         if self.controller not in get_args(ControllerName):
             raise unknown("controller", self.controller, get_args(ControllerName))
         self._check_goal()
+        self._check_planner()
 
     def _check_goal(self) -> None:
         if isinstance(self.goal, Goal):
@@ -100,6 +107,17 @@ class Task:
                 raise UsageError(f"task {self.name!r}: its Goal needs a parameter `goal` of (x, y)")
         elif self.goal is not None and np.shape(self.goal) != (3,):
             raise UsageError(f"task {self.name!r}: goal must be (x, y, z), got {self.goal}")
+
+    def _check_planner(self) -> None:
+        if not isinstance(self.planner, Mapping):
+            raise UsageError(
+                f"task {self.name!r}: planner must be settings by name, such as "
+                f'{{"horizon": 2.5}}, got {self.planner!r}'
+            )
+        try:
+            PlannerConfig.resolve(self.planner)
+        except UsageError as error:
+            raise UsageError(f"task {self.name!r}: planner: {error}") from None
 
     @cached_property
     def table(self) -> CostTable:
@@ -129,12 +147,15 @@ class Task:
         return None if self.goal is None else np.array(self.goal)
 
     def __str__(self) -> str:
-        """Return the task's terms and parameters."""
+        """Return the task's terms, parameters and planner settings."""
         rows = [f"{term.name:<14}{term.weight:>10g}  {term.reduction}" for term in self.cost]
         lines = [self.name, f"{'cost term':<14}{'weight':>10}  over the rollout", *rows]
         if self.parameters:
             lines.append(f"{'parameter':<16}{'default':>14}  from, to")
             lines += [_line(parameter) for parameter in self.parameters]
+        if self.planner:
+            settings = ", ".join(f"{name}={value}" for name, value in self.planner.items())
+            lines.append(f"planner         {settings}")
         return "\n".join(lines)
 
 

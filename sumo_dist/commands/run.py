@@ -45,7 +45,8 @@ class Options:
         viewer: web, native or none.
         out: folder for summary.json, run.npz and run.rrd.
         set: planner settings as key=value; `sumo-dist list` names all.
-        weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list` names all.
+        weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
+            names all.
         param: the task's parameters as name=number or name=number,number, such as goal=1,0.
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
@@ -79,7 +80,8 @@ class Options:
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
-        planner = PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
+        of_task = load_task(self.task).planner
+        planner = PlannerConfig.resolve(of_task, self.preset, self.optimizer, self.set)
         return EpisodeConfig(
             *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
             engine=self.engine,

@@ -82,7 +82,7 @@ class Subject:
 
     def __init__(self, task: Task, seeds: int) -> None:
         """Take a task that loads."""
-        self.task, self.seeds, self.config = task, seeds, PlannerConfig()
+        self.task, self.seeds, self.config = task, seeds, PlannerConfig.resolve(task.planner)
 
     @cached_property
     def plant(self) -> mujoco.MjModel:

@@ -146,6 +146,7 @@ def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NE
         success_hold=0.5 if thing.rolls else 0.0,
         failure={**failure, **LEFT},
         goal=Goal("object", thing.rest_z),
+        description=f"Spot pushes the {thing.name} to its goal and leaves it at rest",
     )
 
 
@@ -183,4 +184,5 @@ def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = N
         reset=Reset(robot, (Dropped(thing.name, ring),), solved=solved),
         success=solved,
         failure=LEFT,
+        description=f"Spot sets the {thing.name}, dropped in a random attitude, upright",
     )

@@ -20,6 +20,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
+from sumo_dist.tasks import load_task
 from sumo_dist.wire.session import checked_endpoint
 
 
@@ -74,7 +75,7 @@ class Settings:
         return EpisodeConfig(
             task,
             seed,
-            PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set),
+            PlannerConfig.resolve(load_task(task).planner, self.preset, self.optimizer, self.set),
             estimator=self.estimator,
             time_limit=self.time_limit,
             engine=self.engine,

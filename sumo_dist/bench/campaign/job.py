@@ -120,7 +120,7 @@ def common_settings(episode: EpisodeConfig) -> Row:
     _, build = checked_engine(episode.engine)
     names = ("plant", "estimator", "weight", "param")
     given = {name: asdict(episode)[name] for name in names}
-    return {"planner": asdict(episode.planner), "engine_build": build, **_plain(given)}
+    return {"engine_build": build, **_plain(given)}
 
 
 def _plain(settings: Mapping[str, Any]) -> Row:
@@ -139,6 +139,7 @@ def task_settings(episode: EpisodeConfig) -> Row:
     problem = Problem.build(task, planning_options(episode.planner))
     return {
         "time_limit_s": episode.time_limit or task.time_limit,
+        "planner": asdict(episode.planner),
         "config_hash": episode.planner.hash(problem.hash),
     }
 

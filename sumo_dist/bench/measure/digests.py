@@ -19,6 +19,7 @@ from sumo_dist.episode.ending import End
 from sumo_dist.episode.single import run_single
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.tasks import load_task
 
 EXPECTED = Path(__file__).with_name("digests.json")
 
@@ -70,7 +71,8 @@ def bits() -> str:
 def repeat(entry: Result) -> dict[str, Any]:
     """Run one entry again and compare."""
     given = {"preset": "default", "optimizer": None, "set": (), **entry["planner"]}
-    planner = PlannerConfig.preset(given["preset"], given["optimizer"]).with_settings(given["set"])
+    of_task = load_task(entry["episode"]["task"]).planner
+    planner = PlannerConfig.resolve(of_task, given["preset"], given["optimizer"], given["set"])
     episode = EpisodeConfig(planner=planner, **entry["episode"])
     recording, ending = run_single(episode, threads=1)
     if ending.kind is End.INTERRUPTED:
