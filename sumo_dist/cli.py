@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from io import TextIOWrapper
 from typing import IO, NamedTuple, NoReturn
 
 from sumo_dist.errors import SumoError, UsageError, unknown
@@ -140,7 +141,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Before numpy is imported: rollouts have their own threads, BLAS's would spin beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):  # what a locale has no letters for is escaped
-        if hasattr(stream, "reconfigure"):
+        if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
         code = _answer(list(sys.argv[1:] if argv is None else argv))
@@ -148,7 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except BrokenPipeError:
-        gone = [stream for stream in (sys.stdout, sys.stderr) if _nobody_reads(stream)]
+        gone = [stream for stream in (sys.stdout, sys.stderr) if stream and _nobody_reads(stream)]
         if not gone:  # another pipe than ours
             raise
         for stream in gone:  # what is left in its buffer is flushed when the process ends
@@ -245,11 +246,11 @@ def _end(*_: object) -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-def _nobody_reads(stream: IO[str] | None) -> bool:
+def _nobody_reads(stream: IO[str]) -> bool:
     """Whether the reader of a pipe has gone away."""
     try:
         poll = select.poll()
-        poll.register(stream.fileno(), 0)  # pyright: ignore[reportOptionalMemberAccess]
-    except (AttributeError, OSError, ValueError):  # there is no such stream, or it is no file
+        poll.register(stream.fileno(), 0)
+    except (OSError, ValueError):  # it is no file
         return False
     return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

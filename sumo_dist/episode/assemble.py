@@ -53,18 +53,21 @@ class Episode:
     recording: Recording
 
     @classmethod
-    def assemble(cls, config: EpisodeConfig, body: Body | None = None) -> Self:
+    def assemble(
+        cls, config: EpisodeConfig, body: Body | None = None, task: Task | None = None
+    ) -> Self:
         """Put an episode together.
 
         Args:
             config: what decides it.
             body: the robot; by default a simulated one at the start that the task draws.
+            task: takes the place of the one that the config names.
 
         Raises:
             UsageError: the config names what is not there, or does not fit the task.
         """
-        problem = Problem.build(load_task(config.task), planning_options(config.planner))
-        task = problem.task
+        task = task or load_task(config.task)
+        problem = Problem.build(task, planning_options(config.planner))
         body = body or make_plant(config, task)
         recording = Recording(config.describe(problem, engine_identity(config.engine)[0]))
 

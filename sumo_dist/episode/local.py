@@ -42,6 +42,19 @@ class LocalPlanning:
         self.traces = result.evaluation.traces
         return PlanReport.of(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
 
+    @property
+    def engine(self) -> Engine:
+        """The engine that rolls out under the settings of the episode."""
+        self._turn_to(self._config.planner)
+        assert self._engine is not None, "a planner has one"
+        return self._engine
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """Rolls out and costs candidates under the settings of the episode."""
+        self._turn_to(self._config.planner)
+        return self._evaluator
+
     def _turn_to(self, settings: PlannerConfig) -> Planner:
         """Return the planner of some settings; only another model needs another engine."""
         if self._planner is not None and self._planner.config == settings:
