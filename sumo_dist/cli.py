@@ -73,6 +73,9 @@ COMMANDS = {
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.measure.rollout"),
+    "bench realtime": Command(
+        "Time whole plans, and say how many cores 20 Hz needs", "sumo_dist.bench.measure.realtime"
+    ),
     "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.measure.policy"),
     "bench safety": Command(
         "Measure what a robot's limits leave free and how it stops",

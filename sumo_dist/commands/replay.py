@@ -35,7 +35,7 @@ def main(options: Options) -> int:
     recording = Recording.load(options.run / "run.npz")
     if options.repeat:
         return _repeat(recording)
-    from sumo_dist.view import replay  # needs the view extra
+    from sumo_dist.view import replay
 
     if options.render is not None:
         if options.render.suffix not in replay.FILMS:

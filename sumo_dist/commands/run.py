@@ -4,7 +4,6 @@ import shutil
 import sys
 import time
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.summary import keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.extras import lacking
 from sumo_dist.model.scene import remarks
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
@@ -177,10 +177,9 @@ def _say(line: str) -> None:
 
 def _has_view() -> bool:
     """Whether the view extra is installed; if not, say what that means."""
-    if find_spec("rerun") is None:
-        _say("no .rrd is written: install the view extra, pip install 'sumo-dist[view]'")
-        return False
-    return True
+    if reasons := lacking("view"):
+        _say(f"no .rrd is written, it needs {', '.join(reasons)}: pip install 'sumo-dist[view]'")
+    return not reasons
 
 
 def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
