@@ -14,7 +14,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import IO, NamedTuple, NoReturn
 
-from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.errors import SumoError, UsageError, text_of, unknown
 
 HELP = ("-h", "--help", "help")
 INTERRUPTED = 130
@@ -180,7 +180,7 @@ def _answer(args: list[str]) -> int:
 
 
 def _run(args: list[str]) -> int:
-    _check_text(args)
+    args = [text_of(word) for word in args]
     if args and args[0] in HELP:  # `help bench rollout` is `bench rollout --help`
         args = [word for word in args if word not in HELP]
         args = [*args, "--help"] if args else ["--help"]
@@ -201,16 +201,6 @@ def _run(args: list[str]) -> int:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     return COMMANDS[name].run(name, args[len(name.split()) :])
-
-
-def _check_text(args: Sequence[str]) -> None:
-    """Refuse what no message and no file could carry on: bytes that are no text."""
-    for word in args:
-        try:
-            word.encode()
-        except UnicodeEncodeError:
-            shown = word.encode(errors="backslashreplace").decode()
-            raise UsageError(f"argument {shown} is not UTF-8 text; rename what it names") from None
 
 
 def _within(group: str) -> list[str]:

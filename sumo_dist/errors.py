@@ -23,6 +23,18 @@ class Stopped(SumoError):
     """A person stopped the robot; the message says who and why."""
 
 
+def text_of(word: str) -> str:
+    """Return a word of the command line or a path, if it is text that messages can carry.
+
+    Raises:
+        UsageError: it stands for bytes that are not UTF-8.
+    """
+    shown = word.encode(errors="backslashreplace").decode()
+    if shown != word:
+        raise UsageError(f"{shown} is not UTF-8 text: rename the file or folder")
+    return word
+
+
 def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:
     """Build the error for a name that is not in a set of valid names."""
     return UsageError(f"unknown {kind} {name!r}; valid: {', '.join(sorted(valid)) or '(none)'}")

@@ -1,10 +1,19 @@
 """What a result depends on besides its settings: the code, the libraries and the machine."""
 
+import getpass
 import importlib.metadata
 import os
 import platform
 import subprocess
 from pathlib import Path
+
+
+def user_name() -> str:
+    """Name of whoever runs this process; "somebody" where the system knows none."""
+    try:
+        return getpass.getuser() or "somebody"
+    except (ImportError, KeyError, OSError):  # as in a container with a user that is only a number
+        return "somebody"
 
 
 def cores() -> int:

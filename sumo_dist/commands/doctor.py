@@ -253,7 +253,7 @@ def planning() -> Finding:
     )
     if factor == 1.0:
         return Finding("ok", text)
-    return Finding("warn", f"{text}; 20 Hz needs at least {at_least(cpu_ms, count())} such cores")
+    return Finding("warn", f"{text}; 20 Hz needs at least {at_least(cpu_ms)} such cores, idle")
 
 
 def plan_times(threads: int) -> tuple[float, float]:
