@@ -4,8 +4,7 @@ What a script needs is here; docs/library.md describes it. A name is imported wh
 so that importing the package itself costs nothing.
 """
 
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # type checkers know the name, and typing need not be imported
 if TYPE_CHECKING:
     from sumo_dist.costs.parameters import Parameter as Parameter
     from sumo_dist.costs.terms import CostTerm as CostTerm

@@ -1,23 +1,19 @@
-"""The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run.
-
-This module imports little, so that hardly anything comes before the signals are taken care of.
-"""
+"""The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
 
 import os
 import select
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib import import_module
 from io import TextIOWrapper
-from typing import IO, NamedTuple, NoReturn
+from typing import IO, NamedTuple
 
 from sumo_dist.errors import SumoError, UsageError, text_of, unknown
+from sumo_dist.startup import INTERRUPTED, Importing
 
 HELP = ("-h", "--help", "help")
-INTERRUPTED = 130
 BROKEN_PIPE = 141  # what a shell says of a program that SIGPIPE ends
 
 
@@ -38,7 +34,7 @@ class Command(NamedTuple):
 
     def run(self, name: str, args: Sequence[str]) -> int:
         """Parse the arguments and run."""
-        with _ended_at_once():
+        with Importing():
             import tyro
 
             module = import_module(self.module)
@@ -213,30 +209,6 @@ def _overview(group: str = "") -> str:
     what = f"{group} COMMAND" if group else "COMMAND"
     lines = [f"usage: sumo-dist {what} [options]", "", *rows, ""]
     return "\n".join([*lines, f"sumo-dist {what} --help says more."])
-
-
-@contextmanager
-def _ended_at_once() -> Iterator[None]:
-    """While modules are imported, Ctrl-C and SIGTERM end the process, without a word.
-
-    An exception would come out of whatever is half imported, as anything and with a traceback.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number, handler in before.items():
-        if handler is not signal.SIG_IGN:  # as nohup and a shell's & have it
-            signal.signal(number, _end)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _end(*_: object) -> NoReturn:
-    os._exit(INTERRUPTED)
 
 
 def _nobody_reads(stream: IO[str]) -> bool:

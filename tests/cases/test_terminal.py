@@ -5,10 +5,11 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
-from sumo_dist.cli import COMMANDS, GROUPS
+from sumo_dist.cli import COMMANDS, GROUPS, main
 
 KIND = "terminal edges"
 ENVIRONMENT = "environment"
@@ -222,3 +223,13 @@ def test_the_operator_without_a_name_is_somebody(monkeypatch):
 
         monkeypatch.setattr(getpass, "getuser", unknown)
         assert user_name() == "somebody"
+
+
+def test_commands_run_in_a_thread_too(capsys):
+    """Where Python leaves signals alone."""
+    codes = []
+    thread = threading.Thread(target=lambda: codes.append(main(["list"])))
+    thread.start()
+    thread.join()
+    assert codes == [0]
+    assert "spot/move_box" in capsys.readouterr().out

@@ -14,7 +14,7 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 # Bottom to top: a room imports from itself and those before it. A file in sumo_dist/ is a room.
 ROOMS = (
-    *("errors", "timing", "provenance", "priority", "extras"),
+    *("errors", "timing", "provenance", "priority", "extras", "startup"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
     *("estimate", "plant", "record", "episode", "wire", "dispatch", "view"),
