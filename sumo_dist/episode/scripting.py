@@ -13,7 +13,6 @@ from sumo_dist.episode.assemble import Episode, draw_start
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
 from sumo_dist.episode.local import LocalPlanning
-from sumo_dist.episode.lockstep import follow
 from sumo_dist.episode.single import OnPlan, run_single
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.estimate.readings import Readings
@@ -173,7 +172,8 @@ class MPC:
         if self.plan_now is None or (plan_due(self.tick) is not None and not planned):
             self.plan(state)
         assert self.plan_now is not None, "it was made just now"
-        targets, self.memory = follow(self._episode, self.plan_now, self.tick, state, self.memory)
+        action = self.plan_now.at(np.array([self.tick]))[0]
+        targets, self.memory = self._episode.follow(action, state, self.memory)
         if not self._episode.guard.send(targets):
             raise SumoError(f"the policy's joint targets are not finite at tick {self.tick}")
         self._body.advance()
