@@ -15,7 +15,11 @@ class Importing:
     """
 
     def __enter__(self) -> None:
-        self._handlers = {number: signal.getsignal(number) for number in _ENDING}
+        found = {number: signal.getsignal(number) for number in _ENDING}
+        # None is a handler of somebody else's, who is not written in Python.
+        self._handlers = {
+            number: handler for number, handler in found.items() if handler is not None
+        }
         self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
         try:
             for number, handler in self._handlers.items():
