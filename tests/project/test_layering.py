@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 ROOMS = (
     *("errors", "timing", "provenance", "priority"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim", "tasks", "planner"),
-    *("estimate", "plant", "record", "episode", "wire", "dispatch", "view"),
+    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),
     *("services", "launch", "bench", "bench.results", "bench.campaign", "faults", "bench.measure"),
     *("commands", "cli", "__main__"),
 )
