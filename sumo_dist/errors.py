@@ -15,6 +15,13 @@ class UsageError(SumoError):
     exit_code = 2
 
 
+class TaskError(UsageError):
+    """A function of a task, or its file, is at fault; the message names it, and file and line.
+
+    Before a run it is wrong usage; a run that is under way ends with it as a fault.
+    """
+
+
 class Interrupted(SumoError):
     """A service was told to stop while it waited for something."""
 

@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from sumo_dist.costs.fields import checked_name, checked_number
 from sumo_dist.costs.parameters import Parameter, Parameters
 from sumo_dist.costs.table import CostTable
 from sumo_dist.costs.terms import CostTerm
@@ -15,6 +16,7 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.robots.robot import ActionSpace
+from sumo_dist.tasks.fields import check_frames, check_functions, check_terms, check_times
 from sumo_dist.tasks.reset import Start
 from sumo_dist.tasks.terms import Predicate
 
@@ -84,40 +86,49 @@ class Task:
     source: str = ""
 
     def __post_init__(self) -> None:
-        names = [term.name for term in self.cost]
-        if not names or len(set(names)) != len(names):
-            raise UsageError(f"task {self.name!r}: cost terms need distinct names, got {names}")
+        what = f"task {checked_name('a task', self.name)!r}"
+        if not isinstance(self.scene, Scene) or not isinstance(self.actions, ActionSpace):
+            raise UsageError(f"{what}: scene must be a Scene, and actions an ActionSpace")
+        check_terms(what, self.cost)
+        check_frames(what, self.frames)
+        check_functions(what, self.reset, self.success, self.failure)
+        check_times(what, self.success_hold, self.time_limit)
         base = FrameRef("body", self.scene.robot.base)
         object.__setattr__(self, "frames", {"base": base, **self.frames})
         if not self.trails:
             gripper = ("gripper",) if "gripper" in self.frames else ()
             object.__setattr__(self, "trails", (*gripper, *self.movers) or ("base",))
         if missing := {*self.trails} - set(self.frames):
-            raise UsageError(f"task {self.name!r}: frames lack {sorted(missing)}")
+            raise UsageError(f"{what}: frames lack {sorted(missing)}, which trails name")
         if self.controller not in get_args(ControllerName):
             raise unknown("controller", self.controller, get_args(ControllerName))
-        self._check_goal()
-        self._check_planner()
+        _ = self.table  # which checks the parameters
+        self._check_goal(what)
+        self._check_planner(what)
 
-    def _check_goal(self) -> None:
+    def _check_goal(self, what: str) -> None:
         if isinstance(self.goal, Goal):
+            checked_number(f"{what}: z of its Goal", self.goal.z)
             if self.goal.frame not in self.frames:
                 raise unknown("frame of the goal", self.goal.frame, self.frames)
             if "goal" not in self.table.parameters or self.table.parameters["goal"].size != 2:
-                raise UsageError(f"task {self.name!r}: its Goal needs a parameter `goal` of (x, y)")
-        elif self.goal is not None and np.shape(self.goal) != (3,):
-            raise UsageError(f"task {self.name!r}: goal must be (x, y, z), got {self.goal}")
+                raise UsageError(f"{what}: its Goal needs a parameter `goal` of (x, y)")
+        elif self.goal is not None:
+            if np.shape(self.goal) != (3,):
+                raise UsageError(f"{what}: goal must be (x, y, z), got {self.goal}")
+            for axis, value in zip("xyz", self.goal, strict=True):
+                checked_number(f"{what}: {axis} of its goal", value)
 
-    def _check_planner(self) -> None:
+    def _check_planner(self, what: str) -> None:
         if not isinstance(self.planner, Mapping):
             raise UsageError(
-                f"task {self.name!r}: planner must be settings by name, such as "
+                f"{what}: planner must be settings by name, such as "
                 f'{{"horizon": 2.5}}, got {self.planner!r}'
             )
         try:
             PlannerConfig.resolve(self.planner)
         except UsageError as error:
-            raise UsageError(f"task {self.name!r}: planner: {error}") from None
+            raise UsageError(f"{what}: planner: {error}") from None
 
     @cached_property
     def table(self) -> CostTable:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
-from sumo_dist.errors import SumoError
+from sumo_dist.check.findings import Finding, examine
 from sumo_dist.extras import lacking, required
 
 # Checks import what they check: a broken package then fails its line and not the command.
@@ -36,19 +35,6 @@ class Options:
     """`doctor` has no options."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """What a check found.
-
-    Attributes:
-        level: "warn" where something is slower or missing, "fail" where the main job cannot run.
-        text: one line.
-    """
-
-    level: Literal["ok", "warn", "fail"]
-    text: str
-
-
 def main(options: Options) -> int:
     """Print a line per check; 0 if none failed, else 3."""
     del options
@@ -58,16 +44,6 @@ def main(options: Options) -> int:
         failed |= finding.level == "fail"
         print(f"{finding.level:<6}{name:<12}{finding.text}", flush=True)
     return 3 if failed else 0
-
-
-def examine(check: Callable[[], Finding]) -> Finding:
-    """Run a check; whatever it trips over is its finding."""
-    try:
-        return check()
-    except SumoError as error:
-        return Finding("fail", " ".join(str(error).split()))
-    except Exception as error:  # what a broken installation raises is not ours to foresee
-        return Finding("fail", f"{type(error).__name__}: {error}")
 
 
 def python() -> Finding:

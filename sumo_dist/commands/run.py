@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from sumo_dist.episode.assemble import rehearse
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.summary import keep, one_line, read_summary
@@ -145,7 +146,7 @@ def _prepare(episode: EpisodeConfig) -> None:
         _say(remark)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
-    problem.engine(1, episode.engine).close()
+    rehearse(episode, problem)
 
 
 def _make_folder(out: Path) -> None:

@@ -33,12 +33,19 @@ class LocalPlanning:
         self._close()
 
     def __call__(self, request: PlanRequest, settings: PlannerConfig) -> PlanReport:
-        """Make one plan."""
+        """Make one plan.
+
+        Raises:
+            TaskError: a cost term raises, or is the reason that no candidate has a cost.
+        """
         planner = self._turn_to(settings)
         began = time.perf_counter()
         self._rollout_s = 0.0
         result = planner.plan(request, self._evaluate)
         plan_s = time.perf_counter() - began
+        if result.failed:
+            start = request.state, request.memory, request.cost.parameters
+            self._evaluator.blame(*start, planner.shifted(request)[None])
         self.traces = result.evaluation.traces
         return PlanReport.of(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
 

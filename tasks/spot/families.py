@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sumo_dist.costs.fields import checked_number
 from sumo_dist.costs.parameters import Parameter
 from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
@@ -65,6 +66,9 @@ class Manipuland:
     standing: Standing = Z_UP
     rolls: bool = False
     any_side: bool = False
+
+    def __post_init__(self) -> None:
+        checked_number(f"rest_z of object {self.name!r}", self.rest_z)
 
     @property
     def scene(self) -> Scene:

@@ -17,7 +17,7 @@ ROOMS = (
     *("errors", "timing", "provenance", "priority", "extras", "startup"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
-    *("estimate", "plant", "record", "episode", "wire", "dispatch", "view"),
+    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),
     *("services", "launch", "bench", "bench.results", "bench.campaign", "faults", "bench.measure"),
     *("commands", "cli", "__main__"),
 )
