@@ -2,7 +2,8 @@
 # Sourced by deploy/launch, deploy/check and .ci/run.
 #
 # ensure_environment EXTRA   finds or makes a Python environment, brings sumo-dist[EXTRA] in it up to
-#                            date with this checkout, and leaves its interpreter in $python.
+#                            date with this checkout, and leaves its interpreter in $python; an
+#                            empty EXTRA is the package alone, without viewer and films.
 #
 # An active virtual or conda environment is used if there is one, .venv at the root otherwise.
 # PYTHON=python3.12 chooses .venv and the interpreter it is made with.
@@ -25,10 +26,20 @@ ensure_environment() {
   if [ -f "$stamp" ]; then
     case $(<"$stamp") in
       "$key $extra" | "$key dev") return ;; # dev contains the other extras
-      *" dev") extra=dev ;;
+      "$key "*) [ -n "$extra" ] || return 0 ;;
     esac
+    extra=$(both "$extra" "$(<"$stamp")")
   fi
   update_environment
+}
+
+# The extra to install where one is wanted and the stamp says which there was: none gets lost.
+both() {
+  case "$2" in
+    *" dev") printf 'dev\n' ;;
+    *" view") printf '%s\n' "${1:-view}" ;;
+    *) printf '%s\n' "$1" ;;
+  esac
 }
 
 say() { printf '%s\n' "$*" >&2; }
@@ -96,14 +107,16 @@ update_environment() {
     make_venv
   fi
   key=$(fingerprint "$python")
-  say "Installing sumo-dist[$extra] in $environment (the first time takes a minute or two)"
+  local package=sumo-dist${extra:+[$extra]}
+  say "Installing $package in $environment (the first time takes a minute or two)"
   "$python" -m pip --version >"$log" 2>&1 || "$python" -m ensurepip >>"$log" 2>&1 || fail pip
   "$python" -m pip install --no-input --disable-pip-version-check \
-    --editable "${root}[$extra]" 2>&1 | tee "$log" | show_progress || fail "sumo-dist[$extra]"
+    --editable "$root${extra:+[$extra]}" 2>&1 | tee "$log" | show_progress || fail "$package"
   printf '%s %s\n' "$key" "$extra" >"$stamp"
   rm -f -- "$log"
   trap - EXIT INT TERM
-  say "Installed in $((SECONDS - began)) s"
+  say "Installed in $((SECONDS - began)) s. To use it: source $environment/bin/activate, or call" \
+    "$environment/bin/sumo-dist"
 }
 
 make_venv() {

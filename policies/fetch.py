@@ -26,11 +26,19 @@ TIMEOUT = 300.0  # for one download, and for waiting until another process has m
 
 
 def cache_dir() -> Path:
-    """Directory of the cached weights: $SUMO_DIST_CACHE, else below $XDG_CACHE_HOME or ~/.cache."""
-    if own := os.environ.get("SUMO_DIST_CACHE"):
-        return Path(own).expanduser() / "policies"
-    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "sumo-dist" / "policies"
+    """Directory of the cached weights: $SUMO_DIST_CACHE, else below $XDG_CACHE_HOME or ~/.cache.
+
+    Raises:
+        SumoError: there is no home directory, and no variable that takes its place.
+    """
+    own, base = os.environ.get("SUMO_DIST_CACHE"), os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    folder = os.path.expanduser(own or base)
+    if folder.startswith("~") or not (own or os.path.isabs(folder)):
+        raise SumoError(
+            "there is no home directory to keep the policies' weights in: set SUMO_DIST_CACHE to a "
+            "directory that can be written"
+        )
+    return Path(folder, "policies") if own else Path(folder, "sumo-dist", "policies")
 
 
 def policy_file(name: str) -> Path:

@@ -8,7 +8,7 @@ restarted goes on where the last one ended.
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,11 +16,13 @@ import numpy as np
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
 from sumo_dist.dispatch.fit import fitted
+from sumo_dist.dispatch.questions import QuestionSlot
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import unfollowable
-from sumo_dist.errors import Interrupted, SumoError
+from sumo_dist.errors import Interrupted, SumoError, TaskError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -34,7 +36,7 @@ from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import unique_name
-from sumo_dist.wire.messages import EpisodeInfo, PlanMessage, Question
+from sumo_dist.wire.messages import EpisodeInfo, NoPlan, PlanMessage, Question
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 SEND_MARGIN = 0.004  # wall time kept for the update and the plan's way to the robot [s]
@@ -79,51 +81,10 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
                     service.handle(question)
             except Interrupted:
                 return
+            except TaskError as error:
+                service.give_up(str(error))
             except SumoError as error:  # of a question that makes no sense, not of this service
                 service.refuse(str(error))
-
-
-class QuestionSlot:
-    """Holds the newest episode and the newest question, each handed out once.
-
-    A realtime episode's speed counts once two questions in a row have said it: it decides how long
-    a plan waits for lost answers, and where it is anchored, so one that is wrong would stop
-    planning for as long as it says.
-    """
-
-    def __init__(self, bus: Bus) -> None:
-        """Subscribe."""
-        self._arrived = threading.Condition()
-        self._info: EpisodeInfo | None = None
-        self._question: Question | None = None
-        self._heard = (-1, 0.0)  # tick and speed of the last realtime question
-        self._speed = 0.0  # that two in a row have said
-        bus.subscribe(EpisodeInfo, self._on_info)
-        bus.subscribe(Question, self._on_question)
-
-    def wait(self, timeout: float) -> tuple[EpisodeInfo | None, Question | None]:
-        """Return what is new, waiting at most timeout [s] for it."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._info or self._question, timeout)
-            new = self._info, self._question
-            self._info = self._question = None
-            return new
-
-    def _on_info(self, info: EpisodeInfo) -> None:
-        with self._arrived:
-            self._info = info
-            self._arrived.notify_all()
-
-    def _on_question(self, question: Question) -> None:
-        with self._arrived:
-            if question.clock == "realtime":
-                tick, speed = self._heard
-                if question.speed == speed and question.tick != tick:  # not the same one twice
-                    self._speed = speed
-                self._heard = question.tick, question.speed
-                question = replace(question, speed=self._speed)
-            self._question = question
-            self._arrived.notify_all()
 
 
 class OptimizerServer:
@@ -138,7 +99,7 @@ class OptimizerServer:
         self._info: EpisodeInfo | None = None
         self._seed = 0
         self._problem: Problem | None = None
-        self._engine: Engine | None = None  # rolls the robot's state forward
+        self._engine: Engine | None = None  # of this process, see `_here`
         self._planner: Planner | None = None
         self._refused = 0  # questions and episodes that made no sense
         self._delay_s = 0.0  # smoothed wall time from a state to its plan
@@ -150,6 +111,7 @@ class OptimizerServer:
         self._last: PlanMessage | None = None
         self._last_clock, self._last_state = "", np.empty(0)  # what the last plan was made for
         self._failing = False
+        self._no_plan = ""  # why there will be none
         self._fewer = False  # rollouts than configured
 
     def __enter__(self) -> "OptimizerServer":
@@ -168,6 +130,7 @@ class OptimizerServer:
             return
         self._info, self._bus.run = info, info.run
         self._forget()
+        self._evaluator.workers.forgive()
         self._problem = self._planner = None
         config = EpisodeConfig.from_json(info.config)
         problem = Problem.build(load_task(config.task), planning_options(config.planner))
@@ -185,6 +148,11 @@ class OptimizerServer:
         if not self._complained:
             self._complained = True
             self._tell("error", f"a plan that cannot be made: {reason}; from now on only counted")
+
+    def give_up(self, reason: str) -> None:
+        """Tell the robot that there will be no plan, now and whenever it asks again."""
+        self._no_plan = reason
+        self._bus.publish(NoPlan(self._bus.run or "", reason))
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
@@ -209,9 +177,15 @@ class OptimizerServer:
 
         Raises:
             SumoError: state, memory, plan, weights or settings are not of this robot's episode.
+            TaskError: the task's own code raises.
         """
-        if question.run != self._bus.run or self._problem is None:
-            return  # of an episode that is over, or that cannot be taken up
+        if question.run != self._bus.run:
+            return  # of an episode that is over
+        if self._no_plan:
+            self.give_up(self._no_plan)
+            return
+        if self._problem is None:
+            return  # of an episode that cannot be taken up
         self._check(self._problem, question)
         planner = self._turn_to(PlannerConfig.from_settings(question.settings))
         if question.clock == "realtime":
@@ -286,10 +260,8 @@ class OptimizerServer:
         previous = self._following(question)
         if previous is not None:
             assert self._problem is not None, "handle() has seen to it"
-            if self._engine is None:
-                self._engine = self._problem.engine(1, self._options.engine)
             start, memory = roll_forward(
-                *(self._engine, self._problem.task.actions, previous),
+                *(self._here(), self._problem.task.actions, previous),
                 *(question.tick, tick, start, memory),
             )
         request = PlanRequest(number, tick, start, memory, previous, self._cost(question))
@@ -353,6 +325,8 @@ class OptimizerServer:
         assert self._problem is not None, "handle() has seen to it"
         self._evaluator.begin(self._problem, planner.config, deadline)
         result = planner.plan(request, self._evaluator, rollouts)
+        if result.failed and result.evaluation.answered.any():
+            self._blame(planner, request)
         plan_ms = (time.perf_counter() - began) * 1e3
         return PlanReport.of(
             result,
@@ -362,6 +336,20 @@ class OptimizerServer:
             workers=len(self._evaluator.workers),
             age_ticks=round(plan_ms * 1e-3 * speed / TICK),
         )
+
+    def _blame(self, planner: Planner, request: PlanRequest) -> None:
+        """Look for the reason here: workers do not say which of the terms is not finite."""
+        assert self._problem is not None, "handle() has seen to it"
+        evaluator = Evaluator(self._problem, self._here(), planner.config)
+        start = request.state, request.memory, request.cost.parameters
+        evaluator.blame(*start, planner.shifted(request)[None])
+
+    def _here(self) -> Engine:
+        """Return an engine in this process, for single rollouts."""
+        assert self._problem is not None, "handle() has seen to it"
+        if self._engine is None:
+            self._engine = self._problem.engine(1, self._options.engine)
+        return self._engine
 
     def _publish(self, made: PlanReport, question: Question) -> None:
         self._last = PlanMessage.of(question.run, made)

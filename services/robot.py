@@ -95,7 +95,7 @@ class Session:
                     if number == 1:
                         raise
                     self._tell("error", f"the next episode cannot begin: {error}")
-                    return error.exit_code
+                    return fault(error).exit_code
                 code = ending.exit_code
         return code
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
+from sumo_dist.extras import need
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.tasks import load_task
@@ -280,8 +281,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     Raises:
         SumoError: there is no router, or the `view` extra is not installed.
     """
-    import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
-
+    need("view", "the tracer")
     backlog = Backlog()
     with Bus.dial(options.connect, options.robot) as bus:
         # Listen first: by the time that Rerun is loaded, the run may have begun.

@@ -14,7 +14,7 @@ import numpy as np
 
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.workers import misfit
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError, TaskError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
@@ -205,7 +205,8 @@ class EvaluatorCache:
         except SumoError as error:
             self._refusals += 1
             nothing = np.empty((0, 0)), np.empty(0, bool)
-            return self._reply(request, *nothing, refusal=str(error)), None
+            own = isinstance(error, TaskError)
+            return self._reply(request, *nothing, refusal=str(error), task_fails=own), None
         self._done, self._busy_ms = self._done + 1, self._busy_ms + compute_ms
         valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
         terms = np.where(valid[:, None], evaluation.terms, 0.0)
@@ -275,6 +276,7 @@ class EvaluatorCache:
         valid: np.ndarray,
         compute_ms: float = 0.0,
         refusal: str = "",
+        task_fails: bool = False,
     ) -> RolloutReply:
         return RolloutReply(
             run=request.run,
@@ -287,4 +289,5 @@ class EvaluatorCache:
             valid=valid,
             compute_ms=compute_ms,
             refusal=refusal,
+            task_fails=task_fails,
         )

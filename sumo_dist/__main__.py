@@ -1,17 +1,16 @@
-"""Run the command line, also as `python -m sumo_dist`: quiet on Ctrl-C from the first import on."""
+"""Run the command line, as `sumo-dist` or `python -m sumo_dist`."""
 
 import sys
 
-from sumo_dist.signals import starting
+from sumo_dist.startup import Importing
 
 
-def main() -> int:
-    """Return the exit code; see cli.main."""
-    with starting():
-        from sumo_dist import cli
-
-        return cli.main()
+def start() -> int:
+    """Import the command line, which Ctrl-C does not disturb, and run it."""
+    with Importing():
+        from sumo_dist.cli import main
+    return main()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())

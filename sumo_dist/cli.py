@@ -1,17 +1,22 @@
 """The command line: `sumo-dist COMMAND [options]`. Commands are imported when they are run."""
 
 import os
+import select
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
+from typing import IO, NamedTuple
 
-from sumo_dist.errors import SumoError, unknown
-from sumo_dist.signals import INTERRUPTED, starting
+from sumo_dist.errors import SumoError, UsageError, text_of, unknown
+from sumo_dist.signals import interruptible
+from sumo_dist.startup import INTERRUPTED, Importing
+
+HELP = ("-h", "--help", "help")
+BROKEN_PIPE = 141  # what a shell says of a program that SIGPIPE ends
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """One command.
 
     Attributes:
@@ -26,18 +31,18 @@ class Command:
     options: str = "Options"
     entry: str = "main"
 
-    def run(self, name: str, args: Sequence[str], begun: Callable[[], None]) -> int:
-        """Parse the arguments, say that the command has begun, and run it."""
-        import tyro
+    def run(self, name: str, args: Sequence[str]) -> int:
+        """Parse the arguments and run."""
+        with Importing():
+            import tyro
 
-        module = import_module(self.module)
-        options = tyro.cli(
-            getattr(module, self.options),
-            prog=f"sumo-dist {name}",
-            args=args,
-            description=self.summary,
-        )
-        begun()
+            module = import_module(self.module)
+            options = tyro.cli(
+                getattr(module, self.options),
+                prog=f"sumo-dist {name}",
+                args=args,
+                description=self.summary,
+            )
         return getattr(module, self.entry)(options)
 
 
@@ -63,6 +68,9 @@ COMMANDS = {
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.measure.rollout"),
+    "bench realtime": Command(
+        "Time whole plans, and say how many cores 20 Hz needs", "sumo_dist.bench.measure.realtime"
+    ),
     "bench policy": Command("Count the falls of G1's policies", "sumo_dist.bench.measure.policy"),
     "bench safety": Command(
         "Measure what a robot's limits leave free and how it stops",
@@ -125,25 +133,39 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; every expected failure is one line on stderr and an exit code.
 
     Returns:
-        0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted.
+        0 done, 1 task not achieved, 2 wrong usage, 3 fault, 130 interrupted; 141 where whoever read
+        the output has gone away.
     """
     # Before numpy is imported: rollouts have their own threads, BLAS's would spin beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    args = list(sys.argv[1:] if argv is None else argv)
-    if not args or args[0] in ("-h", "--help"):
-        print(_overview())
-        return 0 if args else 2
-    name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
+    for stream in (sys.stdout, sys.stderr):  # what a locale has no letters for is escaped
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
-        if name not in COMMANDS:
-            raise unknown("command", name, COMMANDS)
-        with starting() as begun:
-            return COMMANDS[name].run(name, args[len(name.split()) :], begun)
+        code = _answer(list(sys.argv[1:] if argv is None else argv))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        gone = [stream for stream in (sys.stdout, sys.stderr) if stream and _nobody_reads(stream)]
+        if not gone:  # another pipe than ours
+            raise
+        for stream in gone:  # what is left in its buffer is flushed when the process ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return BROKEN_PIPE
+
+
+def _answer(args: list[str]) -> int:
+    try:
+        return _run(args)
     except SumoError as error:
         print(f"sumo-dist: {error}", file=sys.stderr)
         return error.exit_code
     except SystemExit as exit_:  # tyro has said what is wrong
-        return int(exit_.code or 0)
+        if isinstance(exit_.code, str):
+            print(f"sumo-dist: {exit_.code}", file=sys.stderr)
+            return SumoError.exit_code
+        return exit_.code or 0
     except KeyboardInterrupt:
         return INTERRUPTED
     except ImportError as error:  # what a native module makes of a signal that comes meanwhile
@@ -152,8 +174,46 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise
 
 
-def _overview() -> str:
-    rows = (f"  {name:<18}{command.summary}" for name, command in COMMANDS.items())
-    return "\n".join(
-        ["usage: sumo-dist COMMAND [options]", "", *rows, "", "sumo-dist COMMAND --help says more."]
-    )
+def _run(args: list[str]) -> int:
+    args = [text_of(word) for word in args]
+    if args and args[0] in HELP:  # `help bench rollout` is `bench rollout --help`
+        args = [word for word in args if word not in HELP]
+        args = [*args, "--help"] if args else ["--help"]
+    if not args or args == ["--help"]:
+        print(_overview())
+        return 0 if args else UsageError.exit_code
+    if args[0] in ("-V", "--version"):
+        from sumo_dist.provenance import release
+
+        print(f"sumo-dist {release()}")
+        return 0
+    if args[0] in GROUPS and (len(args) == 1 or args[1] in HELP):
+        print(_overview(args[0]))
+        return 0
+    name = " ".join(args[:2]) if args[0] in GROUPS else args[0]
+    if name not in COMMANDS:
+        raise unknown("command", name, _within(args[0] if args[0] in GROUPS else ""))
+    with interruptible():
+        return COMMANDS[name].run(name, args[len(name.split()) :])
+
+
+def _within(group: str) -> list[str]:
+    """Names of the commands of a group, or of all."""
+    return [name for name in COMMANDS if not group or name.startswith(f"{group} ")]
+
+
+def _overview(group: str = "") -> str:
+    rows = (f"  {name:<18}{COMMANDS[name].summary}" for name in _within(group))
+    what = f"{group} COMMAND" if group else "COMMAND"
+    lines = [f"usage: sumo-dist {what} [options]", "", *rows, ""]
+    return "\n".join([*lines, f"sumo-dist {what} --help says more."])
+
+
+def _nobody_reads(stream: IO[str]) -> bool:
+    """Whether the reader of a pipe has gone away."""
+    try:
+        poll = select.poll()
+        poll.register(stream.fileno(), 0)
+    except (OSError, ValueError):  # it is no file
+        return False
+    return any(events & (select.POLLERR | select.POLLHUP) for _, events in poll.poll(0))

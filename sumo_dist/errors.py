@@ -15,12 +15,31 @@ class UsageError(SumoError):
     exit_code = 2
 
 
+class TaskError(UsageError):
+    """A function of a task, or its file, is at fault; the message names it, and file and line.
+
+    Before a run it is wrong usage; a run that is under way ends with it as a fault.
+    """
+
+
 class Interrupted(SumoError):
     """A service was told to stop while it waited for something."""
 
 
 class Stopped(SumoError):
     """A person stopped the robot; the message says who and why."""
+
+
+def text_of(word: str) -> str:
+    """Return a word of the command line or a path, if it is text that messages can carry.
+
+    Raises:
+        UsageError: it stands for bytes that are not UTF-8.
+    """
+    shown = word.encode(errors="backslashreplace").decode()
+    if shown != word:
+        raise UsageError(f"{shown} is not UTF-8 text: rename the file or folder")
+    return word
 
 
 def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:

@@ -1,10 +1,19 @@
 """What a result depends on besides its settings: the code, the libraries and the machine."""
 
+import getpass
 import importlib.metadata
 import os
 import platform
 import subprocess
 from pathlib import Path
+
+
+def user_name() -> str:
+    """Name of whoever runs this process; "somebody" where the system knows none."""
+    try:
+        return getpass.getuser() or "somebody"
+    except (ImportError, KeyError, OSError):  # as in a container with a user that is only a number
+        return "somebody"
 
 
 def cores() -> int:
@@ -26,10 +35,15 @@ def versions() -> dict[str, str]:
     return {**found, "python": platform.python_version(), "machine": platform.machine()}
 
 
+def release() -> str:
+    """Version of the package, and the commit where it runs from a checkout."""
+    return f"{importlib.metadata.version('sumo-dist')}{_commit()}"
+
+
 def provenance() -> dict[str, str]:
     """What decides a result: the code and the machine."""
     return {
-        "sumo_dist": f"{importlib.metadata.version('sumo-dist')}{_commit()}",
+        "sumo_dist": release(),
         "mujoco": importlib.metadata.version("mujoco"),
         "python": platform.python_version(),
         "machine": machine(),
@@ -45,7 +59,8 @@ def timing_provenance() -> dict[str, str]:
 def _commit() -> str:
     """Name the commit where the package runs from a git checkout."""
     commit = _git("rev-parse", "--short", "HEAD")
-    if commit is None:
+    # Installed somewhere inside another project's checkout, it is no part of that commit.
+    if commit is None or _git("ls-files", "--error-unmatch", "provenance.py") is None:
         return ""
     clean = _git("diff", "--quiet", "HEAD", "--", ":/", ":(top,exclude)docs") is not None
     return f" (commit {commit})" if clean else f" (commit {commit} with changes)"

@@ -1,6 +1,5 @@
 """What the signals that end a process do to it: Ctrl-C, TERM, and HUP of a closed terminal."""
 
-import os
 import signal
 import threading
 import time
@@ -9,7 +8,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-INTERRUPTED = 130  # exit code
 GRACE_S = 1.0  # a second signal within this time changes nothing
 
 ENDING = tuple(
@@ -33,22 +31,14 @@ def on_ending(handler: Handler) -> dict[int, Any]:
 
 
 @contextmanager
-def starting() -> Iterator[Callable[[], None]]:
-    """End at once while a command is being loaded: imports that are broken off say so at length.
-
-    Yields:
-        To be called when the command begins: from then on a signal raises KeyboardInterrupt.
-    """
-    before = on_ending(lambda *_: os._exit(INTERRUPTED))
+def interruptible() -> Iterator[None]:
+    """Let each of these signals raise KeyboardInterrupt."""
+    before = on_ending(_Interrupt())
     try:
-        yield _raise_interrupts
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _raise_interrupts() -> None:
-    on_ending(_Interrupt())
 
 
 class _Interrupt:

@@ -9,7 +9,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.costs.blame import blamed
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.model.files import ASSETS, find_model
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.tasks.g1.door import door_open
 from sumo_dist.tasks.g1.push import PUSHES
@@ -62,7 +64,8 @@ def _from_file(path: Path) -> Task:
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses and inspect look it up there
     with _importing_from(path.parent):
-        _guarded(where, lambda: exec(compile(path.read_bytes(), path, "exec"), vars(module)))
+        with blamed(where):
+            exec(compile(path.read_bytes(), path, "exec"), vars(module))
         build = getattr(module, "task", None)
         if not callable(build):
             raise UsageError(f"{where} defines no function task() that returns a Task")
@@ -88,7 +91,8 @@ def _importing_from(folder: Path) -> Iterator[None]:
 
 def _from_package(point: EntryPoint) -> Task:
     where = f"task {point.name!r} of the entry point {point.value}"
-    build = _guarded(where, point.load)
+    with blamed(where):
+        build = point.load()
     module = sys.modules[point.module]
     task = _build(where, build, Path(module.__file__ or "").parent)
     if task.name != point.name:
@@ -97,36 +101,17 @@ def _from_package(point: EntryPoint) -> Task:
 
 
 def _build(where: str, build: Callable[[], Any], folder: Path) -> Task:
-    task = _guarded(where, build)
+    with blamed(where):
+        task = build()
     if not isinstance(task, Task):
         raise UsageError(f"{where}: task() returned {type(task).__name__}, must return a Task")
 
     def beside(thing: SceneObject) -> SceneObject:
-        here = folder / thing.mjcf
-        return replace(thing, mjcf=str(here)) if here.is_file() else thing
+        try:
+            path = find_model(thing.mjcf, (folder, ASSETS))
+        except UsageError as error:
+            raise UsageError(f"{where}: {error}") from None
+        return thing if path == ASSETS / thing.mjcf else replace(thing, mjcf=str(path))
 
     objects, fixtures = (tuple(map(beside, t)) for t in (task.scene.objects, task.scene.fixtures))
     return replace(task, scene=replace(task.scene, objects=objects, fixtures=fixtures))
-
-
-def _guarded(where: str, call: Callable[[], Any]) -> Any:
-    """Run a user's code; what goes wrong there is one line that says where, not a traceback."""
-    try:
-        return call()
-    except SumoError as error:
-        raise UsageError(f"{where}: {error}") from error
-    except Exception as error:
-        raise UsageError(f"{where}: {_blame(error)}") from error
-
-
-def _blame(error: Exception) -> str:
-    """Type, message and innermost line of an error."""
-    if isinstance(error, SyntaxError):
-        return f"line {error.lineno}: SyntaxError: {error.msg}"
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    at = (
-        f"{Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}: " if trace else ""
-    )
-    return f"{at}{type(error).__name__}: {error}"

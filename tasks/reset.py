@@ -1,22 +1,30 @@
 """Drawing start states: a settled stance, a place for the robot, a place for each object."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations
-from pathlib import Path
 from typing import Protocol, Self
 
 import mujoco
 import numpy as np
 
+from sumo_dist.costs.fields import checked_number
 from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.costs.view import View, ViewLayout
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.model.files import find_model
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
-from sumo_dist.model.scene import ASSETS, PLANT, Scene, build_spec, compile_model
-from sumo_dist.model.settle import height_above_floor, settled_stand
+from sumo_dist.model.scene import PLANT, Scene, compile_model
+from sumo_dist.model.settle import (
+    LOST,
+    height_above_floor,
+    settled_stand,
+    why_it_falls,
+    without_robot,
+)
 
 DROP_HEIGHT = 0.02  # of the object's lowest point above the floor [m]
 DROP_TIME = 3.0  # a dropped object has come to rest by then, but for what rolls [s]
@@ -124,8 +132,8 @@ def _compiled(scene: Scene, _stamps: tuple[int, ...]) -> _Compiled:
 
 def _stamps(scene: Scene) -> tuple[int, ...]:
     """Times of change [ns] of the scene's files: one that is edited is compiled anew."""
-    files = (ASSETS / thing.mjcf for thing in (scene.robot, *scene.objects, *scene.fixtures))
-    return tuple(Path(file).stat().st_mtime_ns if file.is_file() else 0 for file in files)
+    files = (find_model(thing.mjcf) for thing in (scene.robot, *scene.objects, *scene.fixtures))
+    return tuple(file.stat().st_mtime_ns for file in files)
 
 
 class Placement(Protocol):
@@ -154,6 +162,9 @@ class OnFloor:
     body: str
     where: FloorDraw
     z: float
+
+    def __post_init__(self) -> None:
+        checked_number(f"height of {self.body!r} on the floor", self.z)
 
     def draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
         """See `Placement.draw`."""
@@ -197,9 +208,19 @@ class Reset:
     clearance: float = 0.0
     solved: Callable[[View], np.ndarray] | None = None
 
+    def __post_init__(self) -> None:
+        checked_number("clearance of a reset", self.clearance, 0.0)
+
     def __call__(self, rng: np.random.Generator, start: Start) -> np.ndarray:
         """Draw until all hold."""
-        return redraw(lambda: self._draw(rng, start), lambda state: self._accept(state, start))
+        refused = Counter[str]()
+
+        def accept(state: np.ndarray) -> bool:
+            refusal = self._refusal(state, start)
+            refused[refusal] += 1
+            return not refusal
+
+        return redraw(lambda: self._draw(rng, start), accept, lambda: refused.most_common(1)[0][0])
 
     def _draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
         robot_xy, yaw = self.robot(rng)
@@ -210,17 +231,19 @@ class Reset:
             placed[start.index.velocity(name)] = state[7:]
         return placed
 
-    def _accept(self, state: np.ndarray, start: Start) -> bool:
+    def _refusal(self, state: np.ndarray, start: Start) -> str:
+        """Say why a state is no start, "" if it is one."""
         names = [thing.body for thing in self.objects]
-        moving = (np.linalg.norm(state[start.index.velocity(name)]) for name in names)
-        if any(speed > REST_SPEED for speed in moving):
-            return False
-        places = [state[start.index.pose(body)][:2] for body in (start.base, *names)]
-        if any(np.linalg.norm(a - b) <= self.clearance for a, b in combinations(places, 2)):
-            return False
+        for name in names:
+            if np.linalg.norm(state[start.index.velocity(name)]) > REST_SPEED:
+                return f"{name} has not come to rest"
+        places = {body: state[start.index.pose(body)][:2] for body in (start.base, *names)}
+        for (one, here), (other, there) in combinations(places.items(), 2):
+            if np.linalg.norm(here - there) <= self.clearance:
+                return f"{one} and {other} are no more than {self.clearance:g} m apart"
         if self.solved is not None and self.solved(start.view(state)).any():
-            return False
-        return not start.touching(state, *names)
+            return "it is solved already"
+        return "two of them touch" if start.touching(state, *names) else ""
 
 
 @dataclass(frozen=True)
@@ -235,6 +258,11 @@ class Ring:
     inner: float
     outer: float
     spread: float
+
+    def __post_init__(self) -> None:
+        inner = checked_number("inner radius of a ring", self.inner, 0.0)
+        checked_number("outer radius of a ring", self.outer, inner)
+        checked_number("spread of a ring", self.spread, 0.0)
 
     def __call__(self, rng: np.random.Generator) -> tuple[np.ndarray, float]:
         """Draw a place, uniform in angle and radius before the blur."""
@@ -264,21 +292,27 @@ class Drop:
     def __init__(self, scene: Scene, name: str) -> None:
         """Compile the scene with nothing but the object and the fixtures."""
         alone = replace(scene, objects=tuple(o for o in scene.objects if o.name == name))
-        spec = build_spec(alone, PLANT)
-        spec.delete(spec.body(scene.robot.base))
-        self._model = spec.compile()
+        self._model = without_robot(alone)
         self._data = mujoco.MjData(self._model)
         self._name = name
         index = StateIndex(self._model)
         self._pose, self._velocity = index.pose(name), index.velocity(name)
 
     def __call__(self, xy: np.ndarray, quat: np.ndarray) -> np.ndarray:
-        """Drop it above xy (2,) [m] in attitude quat (4,); return how it ends, see `Placement`."""
+        """Drop it above xy (2,) [m] in attitude quat (4,); return how it ends, see `Placement`.
+
+        Raises:
+            UsageError: nothing of it can lie on the floor.
+        """
         mujoco.mj_resetData(self._model, self._data)
         pose = self._data.qpos[self._pose]
         pose[:] = [*xy, 0.0, *quat]
         pose[2] = DROP_HEIGHT - height_above_floor(self._model, self._data.qpos, self._name)
+        height = float(pose[2])
         self._wait(DROP_TIME)
+        if not pose[2] > height - LOST:  # nor is it a number
+            reason = why_it_falls(self._model, self._name)
+            raise UsageError(f"{self._name!r} falls through the floor: {reason}")
         for _ in range(STOPS):  # without rolling friction it would never rest
             self._data.qvel[:] = 0.0
             self._wait(STOP_TIME)
@@ -290,11 +324,21 @@ class Drop:
 
 
 def redraw(
-    draw: Callable[[], np.ndarray], accept: Callable[[np.ndarray], bool], tries: int = 1000
+    draw: Callable[[], np.ndarray],
+    accept: Callable[[np.ndarray], bool],
+    why_not: Callable[[], str] = lambda: "none was accepted",
+    tries: int = 1000,
 ) -> np.ndarray:
-    """Draw until accepted; a reset that cannot be reached is an error, not a hang."""
+    """Draw until accepted; a reset that cannot be reached is an error, not a hang.
+
+    Args:
+        draw: returns a state.
+        accept: whether it will do.
+        why_not: says why none did, once all tries have been made.
+        tries: at most.
+    """
     for _ in range(tries):
         state = draw()
         if accept(state):
             return state
-    raise SumoError(f"no acceptable reset in {tries} draws")
+    raise SumoError(f"no acceptable reset in {tries} draws, mostly: {why_not()}")

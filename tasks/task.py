@@ -7,13 +7,16 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from sumo_dist.costs.fields import checked_name, checked_number
 from sumo_dist.costs.parameters import Parameter, Parameters
 from sumo_dist.costs.table import CostTable
 from sumo_dist.costs.terms import CostTerm
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.robots.robot import ActionSpace
+from sumo_dist.tasks.fields import check_frames, check_functions, check_terms, check_times
 from sumo_dist.tasks.reset import Start
 from sumo_dist.tasks.terms import Predicate
 
@@ -58,6 +61,9 @@ class Task:
         controller: what turns commands into joint targets inside rollouts and on the robot:
             "policy", the robot's low-level policy, or "joint-targets", none: the action space's
             commands are joint targets that the servos hold.
+        planner: settings of the planner that the task needs, by name, such as {"horizon": 2.5};
+            all others are the defaults, and whoever runs it may change any.
+        description: what the robot does, in one line.
         source: what `load_task` finds the task by: its name, or the absolute path of its file.
     """
 
@@ -75,31 +81,54 @@ class Task:
     time_limit: float = 30.0
     trails: tuple[str, ...] = ()
     controller: ControllerName = "policy"
+    planner: Mapping[str, int | float | str] = field(default_factory=dict)
+    description: str = ""
     source: str = ""
 
     def __post_init__(self) -> None:
-        names = [term.name for term in self.cost]
-        if not names or len(set(names)) != len(names):
-            raise UsageError(f"task {self.name!r}: cost terms need distinct names, got {names}")
+        what = f"task {checked_name('a task', self.name)!r}"
+        if not isinstance(self.scene, Scene) or not isinstance(self.actions, ActionSpace):
+            raise UsageError(f"{what}: scene must be a Scene, and actions an ActionSpace")
+        check_terms(what, self.cost)
+        check_frames(what, self.frames)
+        check_functions(what, self.reset, self.success, self.failure)
+        check_times(what, self.success_hold, self.time_limit)
         base = FrameRef("body", self.scene.robot.base)
         object.__setattr__(self, "frames", {"base": base, **self.frames})
         if not self.trails:
             gripper = ("gripper",) if "gripper" in self.frames else ()
             object.__setattr__(self, "trails", (*gripper, *self.movers) or ("base",))
         if missing := {*self.trails} - set(self.frames):
-            raise UsageError(f"task {self.name!r}: frames lack {sorted(missing)}")
+            raise UsageError(f"{what}: frames lack {sorted(missing)}, which trails name")
         if self.controller not in get_args(ControllerName):
             raise unknown("controller", self.controller, get_args(ControllerName))
-        self._check_goal()
+        _ = self.table  # which checks the parameters
+        self._check_goal(what)
+        self._check_planner(what)
 
-    def _check_goal(self) -> None:
+    def _check_goal(self, what: str) -> None:
         if isinstance(self.goal, Goal):
+            checked_number(f"{what}: z of its Goal", self.goal.z)
             if self.goal.frame not in self.frames:
                 raise unknown("frame of the goal", self.goal.frame, self.frames)
             if "goal" not in self.table.parameters or self.table.parameters["goal"].size != 2:
-                raise UsageError(f"task {self.name!r}: its Goal needs a parameter `goal` of (x, y)")
-        elif self.goal is not None and np.shape(self.goal) != (3,):
-            raise UsageError(f"task {self.name!r}: goal must be (x, y, z), got {self.goal}")
+                raise UsageError(f"{what}: its Goal needs a parameter `goal` of (x, y)")
+        elif self.goal is not None:
+            if np.shape(self.goal) != (3,):
+                raise UsageError(f"{what}: goal must be (x, y, z), got {self.goal}")
+            for axis, value in zip("xyz", self.goal, strict=True):
+                checked_number(f"{what}: {axis} of its goal", value)
+
+    def _check_planner(self, what: str) -> None:
+        if not isinstance(self.planner, Mapping):
+            raise UsageError(
+                f"{what}: planner must be settings by name, such as "
+                f'{{"horizon": 2.5}}, got {self.planner!r}'
+            )
+        try:
+            PlannerConfig.resolve(self.planner)
+        except UsageError as error:
+            raise UsageError(f"{what}: planner: {error}") from None
 
     @cached_property
     def table(self) -> CostTable:
@@ -129,12 +158,15 @@ class Task:
         return None if self.goal is None else np.array(self.goal)
 
     def __str__(self) -> str:
-        """Return the task's terms and parameters."""
+        """Return the task's terms, parameters and planner settings."""
         rows = [f"{term.name:<14}{term.weight:>10g}  {term.reduction}" for term in self.cost]
         lines = [self.name, f"{'cost term':<14}{'weight':>10}  over the rollout", *rows]
         if self.parameters:
             lines.append(f"{'parameter':<16}{'default':>14}  from, to")
             lines += [_line(parameter) for parameter in self.parameters]
+        if self.planner:
+            settings = ", ".join(f"{name}={value}" for name, value in self.planner.items())
+            lines.append(f"planner         {settings}")
         return "\n".join(lines)
 
 

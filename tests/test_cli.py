@@ -1,11 +1,13 @@
+import re
 import subprocess
 import sys
 from importlib import import_module
 
 import pytest
 
-from sumo_dist.cli import COMMANDS, main
+from sumo_dist.cli import COMMANDS, GROUPS, main
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.provenance import release
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -19,20 +21,51 @@ def test_every_command_is_there_and_explains_itself(name, capsys):
     assert f"sumo-dist {name}" in help_text
 
 
-@pytest.mark.parametrize(("argv", "code"), [([], 2), (["-h"], 0), (["--help"], 0)])
+@pytest.mark.parametrize(("argv", "code"), [([], 2), (["-h"], 0), (["--help"], 0), (["help"], 0)])
 def test_the_overview_lists_all_commands(argv, code, capsys):
     assert main(argv) == code
     overview = capsys.readouterr().out
     assert all(name in overview for name in COMMANDS)
 
 
-@pytest.mark.parametrize("argv", [["fly"], ["bench"], ["bench", "fly"], ["Run"]])
+@pytest.mark.parametrize("argv", [["fly"], ["Run"], ["help", "fly"], ["rollout"]])
 def test_an_unknown_command_names_the_valid_ones(argv, capsys):
     assert main(argv) == 2
     out, err = capsys.readouterr()
-    assert err.startswith(f"sumo-dist: unknown command '{' '.join(argv)}'; valid: bench ")
+    assert err.startswith(f"sumo-dist: unknown command '{argv[-1]}'; valid: bench ")
     assert "rollout-worker, router, run" in err
     assert out == ""
+
+
+@pytest.mark.parametrize("group", sorted(GROUPS))
+@pytest.mark.parametrize("words", ["{}", "{} -h", "{} --help", "{} help", "help {}", "--help {}"])
+def test_a_group_lists_its_commands(group, words, capsys):
+    assert main(words.format(group).split()) == 0
+    listed = capsys.readouterr().out
+    for name, command in COMMANDS.items():
+        assert (f"  {name} " in listed) == name.startswith(f"{group} ")
+        assert (command.summary in listed) == name.startswith(f"{group} ")
+
+
+@pytest.mark.parametrize("group", sorted(GROUPS))
+def test_a_mistyped_command_of_a_group_names_those_of_the_group(group, capsys):
+    assert main([group, "chekc"]) == 2
+    err = capsys.readouterr().err
+    names = sorted(name for name in COMMANDS if name.startswith(f"{group} "))
+    assert err == f"sumo-dist: unknown command '{group} chekc'; valid: {', '.join(names)}\n"
+
+
+@pytest.mark.parametrize("words", ["help bench rollout", "--help bench rollout", "help list"])
+def test_help_may_come_first(words, capsys):
+    assert main(words.split()) == 0
+    assert f"usage: sumo-dist {' '.join(words.split()[1:])}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("flag", ["-V", "--version"])
+def test_says_its_version(flag, capsys):
+    assert main([flag]) == 0
+    assert capsys.readouterr().out == f"sumo-dist {release()}\n"
+    assert re.match(r"\d+\.\d+", release())
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from sumo_dist import signals
-from sumo_dist.signals import ENDING, on_ending, starting, uninterrupted
+from sumo_dist.signals import ENDING, interruptible, on_ending, uninterrupted
 
 
 @pytest.fixture(autouse=True)
@@ -21,8 +21,7 @@ def as_before():
 
 @pytest.mark.parametrize("number", ENDING)
 def test_a_command_that_has_begun_is_interrupted_by_each_of_them(number):
-    with pytest.raises(KeyboardInterrupt), starting() as begun:
-        begun()
+    with pytest.raises(KeyboardInterrupt), interruptible():
         os.kill(os.getpid(), number)
         time.sleep(30)
 
@@ -30,8 +29,7 @@ def test_a_command_that_has_begun_is_interrupted_by_each_of_them(number):
 def test_a_second_signal_does_not_interrupt_the_first_ones_handling(monkeypatch):
     monkeypatch.setattr(signals, "GRACE_S", 3600.0)
     handled = []
-    with starting() as begun:
-        begun()
+    with interruptible():
         try:
             signal.raise_signal(signal.SIGHUP)
         except KeyboardInterrupt:
@@ -43,8 +41,7 @@ def test_a_second_signal_does_not_interrupt_the_first_ones_handling(monkeypatch)
 
 def test_a_later_one_interrupts_again(monkeypatch):
     monkeypatch.setattr(signals, "GRACE_S", 0.0)
-    with starting() as begun:
-        begun()
+    with interruptible():
         for _ in range(2):
             with pytest.raises(KeyboardInterrupt):
                 signal.raise_signal(signal.SIGINT)
@@ -61,8 +58,7 @@ def test_what_must_not_be_broken_off_comes_to_its_end_first():
 def test_a_signal_that_is_ignored_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with starting() as begun:
-            begun()
+        with interruptible():
             signal.raise_signal(signal.SIGHUP)
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:

@@ -1,6 +1,5 @@
 """`sumo-dist ctl`, `stop` and `resume`: commands to a robot that works, from any terminal."""
 
-import getpass
 import re
 import secrets
 import sys
@@ -13,6 +12,7 @@ import tyro
 
 from sumo_dist.episode.command import Verb
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.provenance import user_name
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.finding import ROUTER_S, Look, Place, Search
 from sumo_dist.wire.notices import Ack, CommandMessage
@@ -159,7 +159,7 @@ def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
 
 def _command(place: Place, verb: Verb, name: str = "", value: str = "") -> str:
     """Send a command until the robot answers; return what came of it."""
-    user = re.sub(r"[^A-Za-z0-9-]", "-", getpass.getuser()).strip("-")[:40] or "somebody"
+    user = re.sub(r"[^A-Za-z0-9-]", "-", user_name()).strip("-")[:40] or "somebody"
     sender = f"{user}-{secrets.token_hex(3)}"
     message = CommandMessage("any", 0, sender, verb, name, value)
     if nobody_listens(place.endpoint):

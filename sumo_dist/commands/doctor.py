@@ -5,18 +5,18 @@ import importlib.metadata
 import os
 import platform
 import queue
-import re
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
-from sumo_dist.errors import SumoError
+from sumo_dist.check.findings import Finding, examine
+from sumo_dist.extras import lacking, required
 
 # Checks import what they check: a broken package then fails its line and not the command.
 
@@ -35,19 +35,6 @@ class Options:
     """`doctor` has no options."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """What a check found.
-
-    Attributes:
-        level: "warn" where something is slower or missing, "fail" where the main job cannot run.
-        text: one line.
-    """
-
-    level: Literal["ok", "warn", "fail"]
-    text: str
-
-
 def main(options: Options) -> int:
     """Print a line per check; 0 if none failed, else 3."""
     del options
@@ -57,16 +44,6 @@ def main(options: Options) -> int:
         failed |= finding.level == "fail"
         print(f"{finding.level:<6}{name:<12}{finding.text}", flush=True)
     return 3 if failed else 0
-
-
-def examine(check: Callable[[], Finding]) -> Finding:
-    """Run a check; whatever it trips over is its finding."""
-    try:
-        return check()
-    except SumoError as error:
-        return Finding("fail", " ".join(str(error).split()))
-    except Exception as error:  # what a broken installation raises is not ours to foresee
-        return Finding("fail", f"{type(error).__name__}: {error}")
 
 
 def python() -> Finding:
@@ -80,38 +57,13 @@ def python() -> Finding:
 
 def packages() -> Finding:
     """Are the packages in the ranges that this release is tested with."""
-    found, wrong = [], []
-    for requirement in importlib.metadata.requires("sumo-dist") or []:
-        name, bounds = split_requirement(requirement)
-        if "extra ==" in requirement:
-            continue
-        version = importlib.metadata.version(name)
+    found, wrong = [], lacking("")
+    for name, _ in required():
         importlib.import_module({"eclipse-zenoh": "zenoh"}.get(name, name))
-        found.append(f"{name} {version}")
-        if not all(satisfies(version, bound) for bound in bounds):
-            wrong.append(f"{name} {version} is not {','.join(bounds)}")
+        found.append(f"{name} {importlib.metadata.version(name)}")
     if wrong:
-        return Finding("fail", f"{'; '.join(wrong)}: install sumo-dist again")
+        return Finding("fail", f"needs {'; '.join(wrong)}: install sumo-dist again")
     return Finding("ok", ", ".join(found))
-
-
-def split_requirement(requirement: str) -> tuple[str, list[str]]:
-    """Split "name<2,>=1; marker" into the name and its bounds."""
-    match = re.match(r"([\w.-]+)\s*\(?([^;)]*)", requirement)
-    assert match is not None, requirement
-    return match[1], [bound.strip() for bound in match[2].split(",") if bound.strip()]
-
-
-def satisfies(version: str, bound: str) -> bool:
-    """Whether a version keeps a bound such as ">=4.0" or "<4.1"."""
-    operator, limit = re.match(r"(>=|<|==)\s*(.+)", bound).groups()  # pyright: ignore
-    ours, theirs = (
-        tuple(int(part) for part in re.findall(r"\d+", text.partition("+")[0])[:3])
-        for text in (version, limit)
-    )
-    if operator == "==":
-        return ours[: len(theirs)] == theirs
-    return ours >= theirs if operator == ">=" else ours < theirs
 
 
 def engine() -> Finding:
@@ -178,10 +130,20 @@ def zenoh() -> Finding:
 
 def rerun() -> Finding:
     """Is the viewer installed."""
-    if find_spec("rerun") is None:
-        return Finding("warn", "no viewer, no .rrd: pip install 'sumo-dist[view]'")
+    if reasons := lacking("view"):
+        text = f"no viewer, no .rrd: needs {', '.join(reasons)}: pip install 'sumo-dist[view]'"
+        return Finding("warn", text)
     importlib.import_module("rerun")
     return Finding("ok", f"rerun-sdk {importlib.metadata.version('rerun-sdk')}")
+
+
+def films() -> Finding:
+    """Is there what writes films."""
+    if reasons := lacking("film"):
+        return Finding(
+            "warn", f"no films: need {', '.join(reasons)}: pip install 'sumo-dist[film]'"
+        )
+    return Finding("ok", f"imageio-ffmpeg {importlib.metadata.version('imageio-ffmpeg')}")
 
 
 def rendering() -> Finding:
@@ -250,6 +212,8 @@ def priority() -> Finding:
 
 def planning() -> Finding:
     """How long a plan takes in one process with all cores, and what that allows in realtime."""
+    from sumo_dist.bench.measure.realtime import at_least
+    from sumo_dist.planner.config import PlannerConfig
     from sumo_dist.policies.fetch import cache_dir
     from sumo_dist.policies.manifest import pinned_policy
     from sumo_dist.provenance import cores as count
@@ -257,24 +221,32 @@ def planning() -> Finding:
 
     if not (cache_dir() / pinned_policy("spot").file_name).exists():
         return Finding("warn", "not timed: the policy is not in the cache yet")
-    plan_ms = statistics.median(plan_times(count()))
-    factor = min(1.0, PLAN_PERIOD * 1e3 / plan_ms)
-    text = f"plans take about {plan_ms:.0f} ms with {count()} threads: realtime factor {factor:.2f}"
-    return Finding("ok" if factor == 1.0 else "warn", text)
+    wall_ms, cpu_ms = plan_times(count())
+    factor = min(1.0, PLAN_PERIOD * 1e3 / wall_ms)
+    text = (
+        f"{PlannerConfig().rollouts} rollouts: a plan takes about {wall_ms:.0f} ms on {count()} "
+        f"cores, realtime factor {factor:.2f}"
+    )
+    if factor == 1.0:
+        return Finding("ok", text)
+    return Finding("warn", f"{text}; 20 Hz needs at least {at_least(cpu_ms)} such cores, idle")
 
 
-def plan_times(threads: int) -> list[float]:
-    """Wall times of some plans of default settings [ms]."""
+def plan_times(threads: int) -> tuple[float, float]:
+    """Wall and processor time of a plan of default settings, medians of some [ms]."""
     from sumo_dist.bench.measure.planning import in_process, request
     from sumo_dist.bench.measure.snapshot import Snapshot
+    from sumo_dist.bench.measure.variant import timed
     from sumo_dist.episode.assemble import Episode
     from sumo_dist.episode.config import EpisodeConfig
 
     snapshot = Snapshot.load()
     episode = Episode.assemble(EpisodeConfig(snapshot.task))
     with in_process(episode, threads) as plan:
-        numbers = range(1, PLANS + 1)
-        return [plan(request(episode, snapshot, number)).plan_ms for number in numbers]
+        asked = (request(episode, snapshot, number) for number in range(1, PLANS + 1))
+        times = [timed(partial(plan, one))[:2] for one in asked]
+    wall, cpu = zip(*times, strict=True)
+    return statistics.median(wall), statistics.median(cpu)
 
 
 CHECKS: dict[str, Callable[[], Finding]] = {
@@ -284,6 +256,7 @@ CHECKS: dict[str, Callable[[], Finding]] = {
     "policies": policies,
     "zenoh": zenoh,
     "rerun": rerun,
+    "films": films,
     "rendering": rendering,
     "cores": cores,
     "priority": priority,

@@ -42,7 +42,7 @@ def main(options: Options) -> int:
     if options.repeat:
         unchanged_task(recording)
         return _repeat(recording)
-    from sumo_dist.view import replay  # needs the view extra
+    from sumo_dist.view import replay
 
     if options.render is not None:
         if options.render.suffix not in replay.FILMS:

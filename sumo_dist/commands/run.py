@@ -3,21 +3,24 @@
 import sys
 import time
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from sumo_dist.episode.assemble import rehearse
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.summary import has_summary, keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
+from sumo_dist.extras import lacking
+from sumo_dist.model.scene import remarks
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import cores
 from sumo_dist.record.folders import RUNS, last_episode, run_folder
-from sumo_dist.signals import INTERRUPTED, uninterrupted
+from sumo_dist.signals import uninterrupted
+from sumo_dist.startup import INTERRUPTED
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
 
@@ -45,7 +48,8 @@ class Options:
         viewer: web, native or none.
         out: folder for summary.json, run.npz and run.rrd; by default a new one below runs/.
         set: planner settings as key=value; `sumo-dist list` names all.
-        weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list` names all.
+        weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
+            names all.
         param: the task's parameters as name=number or name=number,number, such as goal=1,0.
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
@@ -83,7 +87,8 @@ class Options:
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
-        planner = PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set)
+        of_task = load_task(self.task).planner
+        planner = PlannerConfig.resolve(of_task, self.preset, self.optimizer, self.set)
         return EpisodeConfig(
             *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
             engine=self.engine,
@@ -127,9 +132,11 @@ def _default_folder(episode: EpisodeConfig) -> Path:
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
     task = load_task(episode.task)
+    for remark in remarks(task.scene):
+        say(remark)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
-    problem.engine(1, episode.engine).close()
+    rehearse(episode, problem)
 
 
 def _speed(options: Options) -> float | None:
@@ -146,10 +153,9 @@ def _speed(options: Options) -> float | None:
 
 def _has_view() -> bool:
     """Whether the view extra is installed; if not, say what that means."""
-    if find_spec("rerun") is None:
-        say("no .rrd is written: install the view extra, pip install 'sumo-dist[view]'")
-        return False
-    return True
+    if reasons := lacking("view"):
+        say(f"no .rrd is written, it needs {', '.join(reasons)}: pip install 'sumo-dist[view]'")
+    return not reasons
 
 
 def _distributed(

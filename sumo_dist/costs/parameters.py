@@ -28,11 +28,14 @@ class Parameter:
     range: tuple[float, float] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier() or self.name.startswith("_"):
-            raise UsageError(f"parameter {self.name!r}: its name must be a Python identifier")
-        low, high = self.range
-        if not low < high:
-            raise UsageError(f"parameter {self.name!r}: its range {self.range} is empty")
+        name = self.name
+        if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
+            raise UsageError(f"parameter {name!r}: its name must be a Python identifier")
+        if not _is_range(self.range):
+            raise UsageError(
+                f"parameter {name!r}: its range must be (low, high) with low < high, "
+                f"got {self.range!r}"
+            )
         self.checked(self.default)
 
     @property
@@ -42,11 +45,14 @@ class Parameter:
 
     def checked(self, value: Number | np.ndarray) -> np.ndarray:
         """Return a value as an array (size,), or raise an error that says what is valid."""
-        numbers = np.atleast_1d(np.asarray(value, float))
+        try:
+            numbers = np.atleast_1d(np.asarray(value, float))
+        except (TypeError, ValueError):
+            numbers = np.array([np.nan])
         low, high = self.range
         if numbers.shape != (self.size,) or not np.isfinite(numbers).all():
             count = "a finite number" if self.size == 1 else f"{self.size} finite numbers"
-            raise UsageError(f"parameter {self.name!r} needs {count}, got {value}")
+            raise UsageError(f"parameter {self.name!r} needs {count}, got {value!r}")
         if (numbers < low).any() or (numbers > high).any():
             unit = f" {self.unit}" if self.unit else ""
             raise UsageError(
@@ -72,3 +78,12 @@ class Parameters:
 
 
 NO_PARAMETERS = Parameters({})
+
+
+def _is_range(value: Any) -> bool:
+    """Whether a value is (low, high): infinite ends are open."""
+    try:
+        low, high = value
+        return bool(low < high)
+    except (TypeError, ValueError):
+        return False

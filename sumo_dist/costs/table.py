@@ -37,8 +37,10 @@ class CostTable:
         """Take a task's terms and parameters.
 
         Raises:
-            UsageError: two parameters have the same name.
+            UsageError: what stands among the parameters is none, or two have the same name.
         """
+        if not all(isinstance(parameter, Parameter) for parameter in parameters):
+            raise UsageError(f"parameters must be a tuple of Parameter, got {parameters!r:.80}")
         self.terms = tuple(term.name for term in terms)
         self.parameters = {parameter.name: parameter for parameter in parameters}
         if len(self.parameters) != len(parameters):

@@ -1,11 +1,13 @@
 """A cost is a table of terms over named arrays; reductions are stated per term."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
 
+from sumo_dist.costs.blame import caller, values_of
+from sumo_dist.costs.fields import checked_name, checked_number
 from sumo_dist.costs.view import View
 from sumo_dist.errors import UsageError, unknown
 
@@ -24,26 +26,38 @@ class CostTerm:
         reduction: "mean" over the T steps; "squared_mean", the square of that mean; "any", an
             indicator that counts once, unscaled, however long it holds; "share", an indicator that
             counts by the share of the steps at which it holds.
+        made: file and line of the code that made the term, "" if it is ours.
     """
 
     name: str
     residual: Callable[[View], np.ndarray]
     weight: float
     reduction: Reduction = "mean"
+    made: str = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        checked_name("cost term", self.name)
+        object.__setattr__(self, "made", caller())
+        if not callable(self.residual):
+            raise UsageError(f"{self.what}: its residual must be a function, got {self.residual!r}")
+        checked_number(f"weight of {self.what}", self.weight)
         if self.reduction not in get_args(Reduction):
-            raise unknown("reduction", self.reduction, get_args(Reduction))
+            raise UsageError(
+                f"{self.what}: {unknown('reduction', self.reduction, get_args(Reduction))}"
+            )
+
+    @property
+    def what(self) -> str:
+        """What messages call it."""
+        return f"cost term {self.name!r}"
 
     def evaluate(self, view: View) -> np.ndarray:
-        """Return the reduced residual of each rollout, unweighted, (B,)."""
-        values = np.asarray(self.residual(view))
-        if values.shape != view.actions.shape[:2]:
-            raise UsageError(
-                f"cost term {self.name!r} returned shape {values.shape}, "
-                f"must be (rollouts, steps) = {view.actions.shape[:2]}"
-            )
-        return _reduce(values, self.reduction)
+        """Return the reduced residual of each rollout, unweighted, (B,).
+
+        Raises:
+            TaskError: the residual raises, or returns what is no (B, T).
+        """
+        return _reduce(values_of(self.what, self.residual, view, self.made), self.reduction)
 
 
 def evaluate(terms: tuple[CostTerm, ...], view: View) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sumo_dist.dispatch.sharding import split
 from sumo_dist.dispatch.workers import Workers
-from sumo_dist.errors import Interrupted
+from sumo_dist.errors import Interrupted, TaskError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.planner import PlanRequest
@@ -109,7 +109,12 @@ class RemoteEvaluator:
         self._deadline, self.reissued, self.waited_s = deadline, 0, 0.0
 
     def __call__(self, request: PlanRequest, iteration: int, knots: np.ndarray) -> Evaluation:
-        """Evaluate knots (B, K, n); rows nobody answered in time come back unanswered."""
+        """Evaluate knots (B, K, n); rows nobody answered in time come back unanswered.
+
+        Raises:
+            TaskError: the task's own code raises on every worker.
+            Interrupted: told to stop.
+        """
         count = len(knots)
         job = _Job(
             request,
@@ -125,6 +130,8 @@ class RemoteEvaluator:
         while not job.answered.all():
             if self._stop.is_set():
                 raise Interrupted("told to stop while waiting for rollouts")
+            if reason := self.workers.verdict:
+                raise TaskError(reason)
             self._assign(job)
             item = self._next(job)
             if item is not None:
@@ -206,7 +213,11 @@ class RemoteEvaluator:
             return  # the last words of one that has left
         self.workers.heard(worker)
         if reply.refusal:
-            self._refused(job, reply, reply.refusal)
+            if reply.task_fails:
+                self.workers.blamed(worker, reply.refusal)
+                self._take_back(job, reply.worker)
+            else:
+                self._refused(job, reply, reply.refusal)
             return
         worker.answered(len(reply.valid), reply.compute_ms)
         shard = job.shards.get(reply.shard)

@@ -11,7 +11,7 @@ import numpy as np
 from sumo_dist.dispatch.operator import BusOperator
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.follow import misfit
-from sumo_dist.errors import Interrupted, Stopped, SumoError
+from sumo_dist.errors import Interrupted, Stopped, SumoError, TaskError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.planner import PlanRequest
@@ -19,7 +19,15 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
-from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, Question, Sensors, State
+from sumo_dist.wire.messages import (
+    EpisodeEnd,
+    EpisodeInfo,
+    NoPlan,
+    PlanMessage,
+    Question,
+    Sensors,
+    State,
+)
 
 Clock = Literal["lockstep", "realtime", "calibrate"]
 
@@ -66,6 +74,7 @@ class RobotLink:
         self.operator = BusOperator(bus, stop, self._wake)
         bus.subscribe(State, self._on_state)
         bus.subscribe(PlanMessage, self._on_plan)
+        bus.subscribe(NoPlan, self._on_no_plan)
         bus.subscribe(EpisodeInfo, self._on_info)
         bus.watch(on_change=lambda _member, alive: self.announce() if alive else None)
 
@@ -82,6 +91,7 @@ class RobotLink:
             self._tick = 0
             self._state: State | None = None
             self._plans: dict[int, PlanReport] = {}
+            self._no_plan = ""  # why none will come
 
     def announce(self) -> None:
         """Say which episode it is."""
@@ -157,8 +167,12 @@ class RobotLink:
         """Return the plans that came since the last call, oldest first.
 
         Late answers to the calibration are left out: its plans are all of tick 0.
+
+        Raises:
+            TaskError: none will come, because the task's own code raises.
         """
         with self._arrived:
+            self._check_plans_come()
             plans = [self._plans[number] for number in sorted(self._plans)]
             self._plans.clear()
         return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
@@ -172,10 +186,12 @@ class RobotLink:
             again = True
             with self._arrived:
                 self._arrived.wait_for(
-                    lambda: self.operator.stop_waits() or answer() is not None, RESEND_S
+                    lambda: self.operator.stop_waits() or self._no_plan or answer() is not None,
+                    RESEND_S,
                 )
                 if self.operator.stop_waits():
                     raise Stopped(f"while waiting for {what}")
+                self._check_plans_come()
                 result = answer()
                 if result is not None:
                     self._plans.clear()
@@ -218,6 +234,15 @@ class RobotLink:
             if self._state is None or state.tick >= self._state.tick:
                 self._state = state
                 self._arrived.notify_all()
+
+    def _check_plans_come(self) -> None:
+        if self._no_plan:
+            raise TaskError(self._no_plan)
+
+    def _on_no_plan(self, message: NoPlan) -> None:
+        with self._arrived:
+            self._no_plan = message.reason
+            self._arrived.notify_all()
 
     def _on_plan(self, message: PlanMessage) -> None:
         episode, report = self._episode, message.report

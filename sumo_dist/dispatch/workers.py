@@ -49,6 +49,7 @@ class Worker:
         timely: share of its rows that come in time.
         answers: so far, to questions of the same kind.
         measured: its highest speed at them, as an average of many answers.
+        blames: what of the task's own code raises there; "" if nothing does.
     """
 
     member: Member
@@ -62,6 +63,7 @@ class Worker:
     timely: float = 1.0
     answers: int = 0
     measured: float = 0.0
+    blames: str = ""
 
     @property
     def pace(self) -> float:
@@ -164,6 +166,24 @@ class Workers:
             worker.refusal = reason
             self._tell("error", f"worker {worker.member.id} is left out: {reason}")
 
+    def blamed(self, worker: Worker, reason: str) -> None:
+        """Note that the task's own code raises there: it would again, so it is left out at once."""
+        known = any(w.blames == reason for w in self._workers.values())
+        worker.blames = worker.refusal = reason
+        if not known:
+            self._tell("error", f"worker {worker.member.id} is left out: {reason}")
+
+    @property
+    def verdict(self) -> str:
+        """What of the task's own code raises, once no worker is left that says otherwise; "" else.
+
+        So one worker that lies, or lacks a file, costs no more than its own rows.
+        """
+        workers = list(self._workers.values())
+        if any(not w.refusal and w.misses < MISSES_TO_SUSPEND for w in workers):
+            return ""
+        return next((w.blames for w in workers if w.blames), "")
+
     def missed(self, name: str) -> None:
         """Note that a worker has not answered at all."""
         worker = self._workers.get(name)
@@ -187,6 +207,7 @@ class Workers:
         """Ask those again that refused: the task is another one now."""
         for worker in self._workers.values():
             worker.refusal, worker.refusals = misfit(worker.member, self._build), 0
+            worker.blames = ""
 
     def publish_health(self, bus: Bus) -> None:
         """Tell of each worker and of them all; called on another thread than the rest."""

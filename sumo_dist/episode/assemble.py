@@ -6,12 +6,14 @@ from typing import Self
 
 import numpy as np
 
+from sumo_dist.costs.blame import blamed, defined, fault_of
 from sumo_dist.episode.command import Controls
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import Ending
 from sumo_dist.episode.motion import measure
 from sumo_dist.episode.referee import Referee
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -55,18 +57,21 @@ class Episode:
     recording: Recording
 
     @classmethod
-    def assemble(cls, config: EpisodeConfig, body: Body | None = None) -> Self:
+    def assemble(
+        cls, config: EpisodeConfig, body: Body | None = None, task: Task | None = None
+    ) -> Self:
         """Put an episode together.
 
         Args:
             config: what decides it.
             body: the robot; by default a simulated one at the start that the task draws.
+            task: takes the place of the one that the config names.
 
         Raises:
             UsageError: the config names what is not there, or does not fit the task.
         """
-        problem = Problem.build(load_task(config.task), planning_options(config.planner))
-        task = problem.task
+        task = task or load_task(config.task)
+        problem = Problem.build(task, planning_options(config.planner))
         body = body or make_plant(config, task)
         about = config.describe(problem, engine_identity(config.engine)[0])
         recording = Recording(about, model=saved(compile_model(task.scene, PLANT)))
@@ -140,10 +145,40 @@ class Episode:
 
 
 def draw_start(task: Task, seed: int, parameters: np.ndarray | None = None) -> np.ndarray:
-    """State (nq + nv,) that the task's reset draws for a seed, with parameters (n,) or its own."""
+    """State (nq + nv,) that the task's reset draws for a seed, with parameters (n,) or its own.
+
+    Raises:
+        TaskError: the reset raises, or returns what is no state.
+    """
     numbers = task.table.defaults.parameters if parameters is None else parameters
     start = Start.of(task.scene, task.frames, task.table.named(numbers))
-    return task.reset(np.random.default_rng(seed), start)
+    with blamed("reset"):
+        state = np.asarray(task.reset(np.random.default_rng(seed), start), float)
+    size = start.model.nq + start.model.nv
+    if state.shape != (size,):
+        reason = f"returned shape {state.shape}, must be ({size},): qpos, then qvel"
+        raise fault_of("reset", defined(task.reset), reason)
+    if not np.isfinite(state).all():
+        raise fault_of("reset", defined(task.reset), "returned a state that is not finite")
+    return state
+
+
+def rehearse(config: EpisodeConfig, problem: Problem) -> None:
+    """Call once each function of the task that the episode will call, its costs on a rollout.
+
+    Raises:
+        TaskError: one of them is at fault.
+        UsageError: there is no such engine.
+    """
+    task, parameters = problem.task, config.cost(problem.task).parameters
+    state, memory = draw_start(task, config.seed, parameters), problem.policy.initial_memory()
+    referee = Referee(task, problem.model)
+    referee.parameters = parameters
+    referee.judge(state)
+    stand = task.actions.unit(task.actions.default)
+    knots = np.tile(stand, (1, config.planner.nodes, 1)).astype(np.float32)  # (1, K, n)
+    with problem.engine(1, config.engine) as engine:
+        Evaluator(problem, engine, config.planner)(state, memory, parameters, knots)
 
 
 def make_plant(config: EpisodeConfig, task: Task) -> Plant:

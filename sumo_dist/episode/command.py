@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End, Ending
 from sumo_dist.errors import Interrupted, SumoError, UsageError
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.tasks import load_task
 from sumo_dist.tasks.task import Task
@@ -138,9 +139,11 @@ class Controls:
             case "task":
                 task = load_task(name)
                 self._check_robot(task)
-                problem = Problem.build(task, planning_options(self.planner))
+                planner = self._planner_of(task)
+                problem = Problem.build(task, planning_options(planner))
                 problem.engine(1, self._config.engine).close()  # else the next episode says why not
-                self.following = replace(self._next(name, value), weight=(), param=())
+                following = replace(self._next(name, value), weight=(), param=())
+                self.following = replace(following, planner=planner)
             case "stand" | "stop":  # it stands; a stop never comes here
                 pass
 
@@ -148,6 +151,12 @@ class Controls:
         robot, wanted = self._task.scene.robot.name, task.scene.robot.name
         if wanted != robot:
             raise UsageError(f"task {task.name!r} is one for {wanted}, this robot is {robot}")
+
+    def _planner_of(self, task: Task) -> PlannerConfig:
+        """Return the settings of another task: its own, but for what was asked for in this one."""
+        usual = asdict(PlannerConfig.resolve(self._task.planner))
+        asked = {k: v for k, v in asdict(self.planner).items() if v != usual[k]}
+        return PlannerConfig.resolve({**task.planner, **asked})
 
     def _hold(self, verb: Verb, value: str) -> None:
         if verb == "step":

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
 
 from sumo_dist.costs.table import CostSettings
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.errors import UsageError, text_of, unknown
 from sumo_dist.estimate import ESTIMATORS
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem
@@ -56,7 +56,7 @@ class EpisodeConfig:
     param: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "task", task_source(self.task))
+        object.__setattr__(self, "task", text_of(task_source(self.task)))
         if self.clock not in CLOCKS:
             raise unknown("clock", self.clock, CLOCKS)
         if self.estimator not in ESTIMATORS:

@@ -33,14 +33,34 @@ class LocalPlanning:
         self._close()
 
     def __call__(self, request: PlanRequest, settings: PlannerConfig) -> PlanReport:
-        """Make one plan."""
+        """Make one plan.
+
+        Raises:
+            TaskError: a cost term raises, or is the reason that no candidate has a cost.
+        """
         planner = self._turn_to(settings)
         began = time.perf_counter()
         self._rollout_s = 0.0
         result = planner.plan(request, self._evaluate)
         plan_s = time.perf_counter() - began
+        if result.failed:
+            start = request.state, request.memory, request.cost.parameters
+            self._evaluator.blame(*start, planner.shifted(request)[None])
         self.traces = result.evaluation.traces
         return PlanReport.of(result, plan_ms=plan_s * 1e3, own_ms=(plan_s - self._rollout_s) * 1e3)
+
+    @property
+    def engine(self) -> Engine:
+        """The engine that rolls out under the settings of the episode."""
+        self._turn_to(self._config.planner)
+        assert self._engine is not None, "a planner has one"
+        return self._engine
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """Rolls out and costs candidates under the settings of the episode."""
+        self._turn_to(self._config.planner)
+        return self._evaluator
 
     def _turn_to(self, settings: PlannerConfig) -> Planner:
         """Return the planner of some settings; only another model needs another engine."""

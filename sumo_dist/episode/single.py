@@ -16,6 +16,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
+from sumo_dist.tasks.task import Task
 
 OnPlan = Callable[[PlanReport], None]
 
@@ -25,11 +26,20 @@ def run_single(
     threads: int,
     on_plan: OnPlan = lambda _report: None,
     operator: Operator | None = None,
+    task: Task | None = None,
 ) -> tuple[Recording, Ending]:
-    """Run an episode to its end; Ctrl-C ends it early and keeps what was recorded."""
+    """Run an episode to its end; Ctrl-C ends it early and keeps what was recorded.
+
+    Args:
+        config: what decides it.
+        threads: of the rollouts.
+        on_plan: is told of every plan.
+        operator: gives commands.
+        task: takes the place of the one that the config names.
+    """
     if config.clock != "lockstep":
         raise UsageError("the realtime clock plans asynchronously: it needs at least one worker")
-    episode = Episode.assemble(config)
+    episode = Episode.assemble(config, task=task)
     with LocalPlanning(episode.problem, config, threads) as planning:
 
         def make_plan(request: PlanRequest, planner: PlannerConfig) -> PlanReport:

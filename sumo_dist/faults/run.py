@@ -11,12 +11,12 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.extras import need
 from sumo_dist.faults.bridge import FaultBridge
 from sumo_dist.faults.growth import GrowthMonitor
 from sumo_dist.faults.occurrence import FaultOccurrence
@@ -108,8 +108,8 @@ class FaultRun:
     def _start_all(self, stack: ExitStack) -> None:
         """Make what the faults need, then start routers, bridge and services."""
         script = self._script
-        if script.viewer and find_spec("rerun") is None:
-            raise UsageError(f"{script.name} has a viewer: pip install 'sumo-dist[view]'")
+        if script.viewer:
+            need("view", f"the viewer of {script.name}")
         near, far = _free_endpoint(), _free_endpoint()
         planned = planned_services(script, self._folder, near)
         self._launcher = stack.enter_context(Launcher())

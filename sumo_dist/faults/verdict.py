@@ -193,7 +193,8 @@ def _other_bits(script: Script, summary: dict[str, Any]) -> list[str]:
 
 def episode_of(script: Script) -> EpisodeConfig:
     """Return the run of a script."""
-    planner = PlannerConfig().with_settings(script.settings)
+    of_task = load_task(script.task).planner
+    planner = PlannerConfig.resolve(of_task, settings=script.settings)
     return EpisodeConfig(
         *(script.task, script.seed, planner, script.clock, script.estimator, script.time_limit)
     )

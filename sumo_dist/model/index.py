@@ -1,6 +1,7 @@
 """Named access to a state, the row (nq + nv,) of qpos followed by qvel."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -8,12 +9,17 @@ import numpy as np
 from sumo_dist.errors import UsageError, unknown
 
 
+def label(model: mujoco.MjModel, kind: Literal["body", "joint", "geom"], i: int) -> str:
+    """Name of an element of a model; of one without a name `<kind>_<number>`."""
+    return getattr(model, kind)(i).name or f"{kind}_{i}"
+
+
 class StateIndex:
     """Where the bodies and joints of a model lie in its states.
 
     Attributes:
         nq, nv: lengths of qpos and qvel.
-        free_bodies: names of the bodies with a free joint, in qpos order.
+        free_bodies: names of the bodies with a free joint, in qpos order; see `label`.
         columns: of each hinge and slide by name, where its position and velocity are in a state.
     """
 
@@ -24,11 +30,11 @@ class StateIndex:
         self._free: dict[str, tuple[int, int]] = {}  # body -> where in qpos and qvel
         self.columns: dict[str, tuple[int, int]] = {}
         for i in range(model.njnt):
-            joint, in_qpos, in_qvel = model.joint(i), model.jnt_qposadr[i], model.jnt_dofadr[i]
+            in_qpos, in_qvel = model.jnt_qposadr[i], model.jnt_dofadr[i]
             if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE:
-                self._free[model.body(model.jnt_bodyid[i]).name] = in_qpos, in_qvel
+                self._free[label(model, "body", model.jnt_bodyid[i])] = in_qpos, in_qvel
             elif model.jnt_type[i] != mujoco.mjtJoint.mjJNT_BALL:
-                self.columns[joint.name] = in_qpos, self.nq + in_qvel
+                self.columns[label(model, "joint", i)] = in_qpos, self.nq + in_qvel
         self.free_bodies = tuple(self._free)
 
     def pose(self, body: str) -> slice:

@@ -1,17 +1,19 @@
 """Composing a robot, objects and fixtures into one MuJoCo model."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 
-from sumo_dist.errors import UsageError, unknown
+from sumo_dist.errors import UsageError
+from sumo_dist.model.files import find_model, read_model, valid_model
+from sumo_dist.model.part import Part, read_part
+from sumo_dist.model.references import count_referring, refer
+from sumo_dist.model.settings import carry_out_settings, settings_left_out, take_settings
 from sumo_dist.robots.robot import Robot
 
-ASSETS = Path(__file__).parents[1] / "assets"
 FLOOR = "fixtures/floor.xml"
+TAKEN = {"floor": "that is the scene's own", "world": "that is the world's body", "": "it is empty"}
 
 
 @dataclass(frozen=True)
@@ -20,10 +22,11 @@ class SceneObject:
 
     One file can be placed several times: whatever it names is called `<name>/<its name>` in the
     scene, except an object's root body, `<name>`, and that body's free joint, `<name>_joint`.
+    Bodies and joints without a name are called `<name>/body_<number>`, `<name>/joint_<number>`.
 
     Attributes:
         name: unique in the scene.
-        mjcf: model file, below assets/ or an absolute path.
+        mjcf: model file, MJCF or URDF: below assets/, an absolute path or one in `~`.
     """
 
     name: str
@@ -36,7 +39,7 @@ class Scene:
 
     Attributes:
         robot: its elements keep the names of its file.
-        objects: move freely; each file has one top-level body.
+        objects: move freely; see `part.read_part` for what becomes of a file.
         fixtures: stay where their files put them, or hang there by joints of their own.
         floor_friction: sliding friction of the floor with whatever has no higher priority.
         floor_priority: of that friction, as MuJoCo's geoms have it.
@@ -49,7 +52,11 @@ class Scene:
     floor_priority: int = 5
 
     def __post_init__(self) -> None:
-        names = ["floor", *(thing.name for thing in (*self.objects, *self.fixtures))]
+        names = [thing.name for thing in (*self.objects, *self.fixtures)]
+        if taken := [name for name in names if name in TAKEN]:
+            raise UsageError(
+                f"scene: no object or fixture can be called {taken[0]!r}: {TAKEN[taken[0]]}"
+            )
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise UsageError(
                 f"scene: objects and fixtures need distinct names, got {repeated} twice"
@@ -79,67 +86,86 @@ def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
     """Compose a scene.
 
     Raises:
-        UsageError: a file is missing or is no valid model, or two elements have the same name.
+        UsageError: a file is missing, is no valid model or holds what cannot work in a scene, or
+            two elements have the same name.
     """
-    spec = _load(scene.robot.mjcf)  # the parent, so that its names need no prefix
-    _set_options(spec, options)
-    with _invalid_model("the scene"):
-        _attach(spec, _load(FLOOR), "floor")
-        ground = spec.geom("floor/ground")
-        ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
-        for thing in scene.objects:
-            child = _load(thing.mjcf)
-            root, joint = _free_body(child, thing.mjcf)
-            _attach(spec, child, thing.name)
-            root.name, joint.name = thing.name, f"{thing.name}_joint"
-        for fixture in scene.fixtures:
-            _attach(spec, _load(fixture.mjcf), fixture.name)
-    return spec
+    return _compose(scene, options)[0]
 
 
 def compile_model(scene: Scene, options: ModelOptions) -> mujoco.MjModel:
     """Compose and compile a scene; errors as for build_spec."""
     spec = build_spec(scene, options)
-    with _invalid_model("the scene"):
+    with valid_model("the scene"):
         return spec.compile()
 
 
-@contextmanager
-def _invalid_model(what: str) -> Iterator[None]:
-    """Turn MuJoCo's complaint into a one-line UsageError that names its subject."""
-    try:
-        yield
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise UsageError(f"{what} is not a valid MuJoCo model: {reason}") from None
+def remarks(scene: Scene) -> list[str]:
+    """What the scene does not take of its files, and what MuJoCo warns of: a line for each file."""
+    return _compose(scene, PLANT)[1]
 
 
-def _load(mjcf: str) -> mujoco.MjSpec:
-    path = ASSETS / mjcf
-    if not path.is_file():
-        shipped = (str(p.relative_to(ASSETS)) for p in ASSETS.rglob("*.xml"))
-        raise unknown("model file", mjcf, ["/an/absolute/path.xml", *shipped])
-    with _invalid_model(mjcf):
-        spec = mujoco.MjSpec.from_file(str(path))
+def _compose(scene: Scene, options: ModelOptions) -> tuple[mujoco.MjSpec, list[str]]:
+    # The robot is the parent, so that its names need no prefix.
+    spec, floor = (read_model(find_model(file), file) for file in (scene.robot.mjcf, FLOOR))
+    with valid_model(scene.robot.mjcf):
+        carry_out_settings(spec)
         spec.compile()  # alone, so that an error names its file
-    return spec
+    _check_names(scene, spec)
+    _set_options(spec, options)
+    with valid_model("the scene"):
+        _attach(spec, Part(floor), "floor", free=False)
+        ground = spec.geom("floor/ground")
+        ground.friction[0], ground.priority = scene.floor_friction, scene.floor_priority
+        said = [_add(spec, thing, free=True) for thing in scene.objects]
+        said += [_add(spec, thing, free=False) for thing in scene.fixtures]
+    return spec, [line for line in said if line]
 
 
-def _free_body(spec: mujoco.MjSpec, mjcf: str) -> tuple[mujoco.MjsBody, mujoco.MjsJoint]:
-    """Return an object's root and its free joint, which is added if the file has none."""
-    bodies = spec.worldbody.bodies
-    if len(bodies) != 1:
-        raise UsageError(f"{mjcf}: an object has one top-level body, found {len(bodies)}")
-    joint = bodies[0].first_joint() or bodies[0].add_freejoint()
-    if joint.type != mujoco.mjtJoint.mjJNT_FREE:
-        raise UsageError(f"{mjcf}: an object's top-level body has a free joint or none")
-    return bodies[0], joint
+def _check_names(scene: Scene, robot: mujoco.MjSpec) -> None:
+    """See that what is called after an object is not in the robot."""
+    for thing in scene.objects:
+        names = {"body": thing.name, "joint": f"{thing.name}_joint"}
+        for kind, name in names.items():
+            if getattr(robot, kind)(name) is not None:
+                raise UsageError(
+                    f"scene: object {thing.name!r} needs another name: {name!r} is a {kind} of "
+                    f"robot {scene.robot.name!r}"
+                )
 
 
-def _attach(spec: mujoco.MjSpec, child: mujoco.MjSpec, name: str) -> None:
-    # The parent's settings win anyway; a child that differs would make MuJoCo warn.
-    child.option, child.visual, child.stat = spec.option, spec.visual, spec.stat
-    spec.attach(child, prefix=f"{name}/", frame=spec.worldbody.add_frame())
+def _add(spec: mujoco.MjSpec, thing: SceneObject, free: bool) -> str:
+    """Add an object (free) or a fixture; return what there is to say about its file."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        part = read_part(thing.mjcf, thing.name, free)
+        words = [*part.remarks, *settings_left_out(part.spec, spec)]
+        words += _attach(spec, part, thing.name, free)
+    words += [f"MuJoCo warns: {' '.join(str(w.message).split())}" for w in warned]
+    return f"{thing.mjcf}: {'; '.join(words)}" if words else ""
+
+
+def _attach(spec: mujoco.MjSpec, part: Part, name: str, free: bool) -> list[str]:
+    """Attach a part under its name; return which of its elements referred to what is left out."""
+    expected = count_referring(spec) + part.referring
+    root, joint = part.root, part.root.joints[0] if part.root else None
+    moved = [(refer(part.spec, floor), "floor/ground") for floor in part.floors]
+    if root and joint:
+        moved += [(refer(part.spec, root), name), (refer(part.spec, joint), f"{name}_joint")]
+    below = spec.worldbody
+    if free and not root:  # all of it moves as one
+        below = spec.worldbody.add_body(name=name)
+        below.add_freejoint(name=f"{name}_joint")
+    take_settings(part.spec, spec)
+    spec.attach(part.spec, prefix=f"{name}/", frame=below.add_frame())
+    if root and joint:
+        root.name, joint.name = name, f"{name}_joint"
+    for to, target in moved:
+        to(target)
+    for floor in part.floors:
+        spec.delete(floor)
+    lost = expected - count_referring(spec)
+    gone = ", ".join(f"{count} of its {kind}" for kind, count in lost.items())
+    return [f"left out {gone}: they refer to what is left out"] if lost else []
 
 
 def _set_options(spec: mujoco.MjSpec, options: ModelOptions) -> None:

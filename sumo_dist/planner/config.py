@@ -4,25 +4,22 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Literal, get_args
+from numbers import Real
+from operator import index
+from typing import Any
 
 import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order
 from sumo_dist.model.scene import PLANT
-from sumo_dist.optim import OPTIMIZERS
+from sumo_dist.planner.settings import SETTINGS, Execute
 from sumo_dist.timing import TICK
-
-Execute = Literal["mean", "best"]
-
-# far beyond any use: a slip of the pen must not fill the memory
-_MOST = {"rollouts": 4096, "nodes": 100, "iterations": 100, "elites": 4096}
 
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """One set of settings for every task.
+    """Settings of the planner; `planner.settings` has what each may be.
 
     Attributes:
         optimizer: one of optim.OPTIMIZERS.
@@ -62,49 +59,11 @@ class PlannerConfig:
     fluid_density: float = 0.0
 
     def __post_init__(self) -> None:
-        self._check_choices()
-        self._check_counts()
-        self._check_times()
-        for name in ("variance_first", "variance_last", "base_noise", "temperature"):
-            if not 0 < getattr(self, name) < 100:
-                raise UsageError(
-                    f"{name} must be positive and below 100, got {getattr(self, name)}"
-                )
-        if not 0 <= self.fluid_density < 100:
-            raise UsageError(f"fluid_density must be in [0, 100), got {self.fluid_density}")
-        if not 0 <= self.noise_exponent <= 4:
-            raise UsageError(f"noise_exponent must be from 0 to 4, got {self.noise_exponent}")
-        if not 1 <= self.decay <= 10:
-            raise UsageError(f"decay must be from 1 to 10, got {self.decay}")
-
-    def _check_choices(self) -> None:
-        choices = {
-            "optimizer": OPTIMIZERS,
-            "spline": get_args(Order),
-            "execute": get_args(Execute),
-        }
-        for name, valid in choices.items():
-            if getattr(self, name) not in valid:
-                raise unknown(name, getattr(self, name), valid)
-
-    def _check_counts(self) -> None:
-        for name, most in _MOST.items():
-            if not 1 <= getattr(self, name) <= most:
-                raise UsageError(f"{name} must be from 1 to {most}, got {getattr(self, name)}")
+        for name, setting in SETTINGS.items():
+            setting.check(name, getattr(self, name))
         if self.rollouts < self.iterations:
             raise UsageError(
                 f"{self.iterations} iterations need at least as many rollouts, got {self.rollouts}"
-            )
-
-    def _check_times(self) -> None:
-        if not 0 < self.horizon <= 20 or abs(self.horizon / TICK - self.steps) > 1e-6:
-            raise UsageError(
-                f"horizon must be a multiple of {TICK} s up to 20 s, got {self.horizon}"
-            )
-        substeps = TICK / self.timestep if self.timestep > 0 else 0.0
-        if not 1 <= substeps <= 100 or abs(substeps - round(substeps)) > 1e-6:
-            raise UsageError(
-                f"timestep must divide {TICK} s and be at least {TICK / 100} s, got {self.timestep}"
             )
 
     @property
@@ -135,23 +94,66 @@ class PlannerConfig:
             return preset
         return replace(preset, optimizer=optimizer, **_SUITED.get(optimizer, {}))
 
+    @classmethod
+    def resolve(
+        cls,
+        of_task: Mapping[str, Any],
+        preset: str = "default",
+        optimizer: str | None = None,
+        settings: Iterable[str] = (),
+    ) -> "PlannerConfig":
+        """Settings of a run: a preset's, over them the task's, over them those that were asked for.
+
+        Args:
+            of_task: settings that the task states, see `Task.planner`.
+            preset: name of the settings to start from.
+            optimizer: takes the place of the preset's and the task's, with its own settings.
+            settings: "key=value" texts.
+        """
+        own = _SUITED.get(optimizer, {}) if optimizer else {}
+        stated = {k: v for k, v in of_task.items() if k != "optimizer" and k not in own}
+        start = cls.preset(preset, optimizer or of_task.get("optimizer"))
+        return start.changed(stated).with_settings(settings)
+
+    def changed(self, settings: Mapping[str, Any]) -> "PlannerConfig":
+        """Apply settings by name; an unknown name or a value of another type says what is valid."""
+        return replace(self, **{key: self._typed(key, value) for key, value in settings.items()})
+
     def with_settings(self, settings: Iterable[str]) -> "PlannerConfig":
         """Apply "key=value" texts; an unknown key or an unreadable value names what is valid."""
-        types = {f.name: type(getattr(self, f.name)) for f in fields(self)}
         changes = {}
         for setting in settings:
             key, equals, text = setting.partition("=")
             if not equals:
                 raise UsageError(f"setting {setting!r} is not of the form key=value")
-            if key not in types:
-                raise unknown("setting", key, types)
+            kind = self._kind(key)
             try:
-                changes[key] = types[key](text)
+                changes[key] = kind(text)
             except ValueError:
-                raise UsageError(
-                    f"setting {key} needs a value of type {types[key].__name__}, got {text!r}"
-                ) from None
+                raise _wrong_type(key, kind, text) from None
         return replace(self, **changes)
+
+    @staticmethod
+    def _kind(key: str) -> type:
+        """Type of a setting."""
+        kinds = {f.name: type(f.default) for f in fields(PlannerConfig)}
+        if key not in kinds:
+            raise unknown("setting", key, kinds)
+        return kinds[key]
+
+    def _typed(self, key: str, value: object) -> Any:
+        """Return a value as its setting has it: 2 is a horizon too, 2.0 and True are no counts."""
+        kind = self._kind(key)
+        try:
+            if kind is int and not isinstance(value, bool):
+                return index(value)  # pyright: ignore[reportArgumentType]  # raises TypeError
+        except TypeError:
+            pass
+        if kind is float and isinstance(value, Real) and not isinstance(value, bool):
+            return float(value)
+        if kind is str and isinstance(value, str):
+            return value
+        raise _wrong_type(key, kind, value)
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, int | float | str]) -> "PlannerConfig":
@@ -166,6 +168,10 @@ class PlannerConfig:
         """Short SHA-256 over the settings and the task they plan for."""
         text = json.dumps({"task": task_hash, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _wrong_type(key: str, kind: type, value: object) -> UsageError:
+    return UsageError(f"setting {key} needs a value of type {kind.__name__}, got {value!r}")
 
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sumo_dist.costs import terms
+from sumo_dist.costs.blame import defined, fault_of
 from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
@@ -77,6 +78,25 @@ class Evaluator:
         traces = rollouts.positions[:, self._thin][:, :, self._trails].astype(np.float32)
         answered = np.ones(len(knots), bool)
         return Evaluation(terms, rollouts.valid, answered, traces.transpose(0, 2, 1, 3))
+
+    def blame(
+        self, state: np.ndarray, memory: np.ndarray, parameters: np.ndarray, knots: np.ndarray
+    ) -> None:
+        """Find out whether a term is to blame for a plan none of whose candidates has a cost.
+
+        Args:
+            state, memory, parameters: as of `__call__`.
+            knots: (1, K, n) of one candidate.
+
+        Raises:
+            TaskError: its rollout stays finite, and a term of it does not, or raises.
+        """
+        evaluation = self(state, memory, parameters, knots)
+        finite = np.isfinite(evaluation.terms[0])  # (n_terms,)
+        if evaluation.valid[0] and not finite.all():
+            term = self._problem.task.cost[int(np.argmin(finite))]
+            reason = "not finite in any rollout"
+            raise fault_of(term.what, defined(term.residual) or term.made, reason)
 
     def roll_out(
         self, state: np.ndarray, memory: np.ndarray, knots: np.ndarray

@@ -148,8 +148,9 @@ class Recording:
             digest.update(np.asarray(state, "<f8").tobytes())
         return digest.hexdigest()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write atomically: a reader sees the whole file or none."""
+        path = Path(path)
         partial = path.with_suffix(".part.npz")
         about = {"format": FORMAT, "config": json.dumps(self.config)}
         about |= {name: json.dumps(getattr(self, name)) for name in _ABOUT[1:]}
@@ -164,8 +165,10 @@ class Recording:
         partial.replace(path)
 
     @classmethod
-    def load(cls, path: Path) -> "Recording":
-        """Read a recording; a file that is none is one clear error."""
+    def load(cls, path: Path | str) -> "Recording":
+        """Read a recording, or the one of a run's folder; what is none is one clear error."""
+        path = Path(path)
+        path = path / "run.npz" if path.is_dir() else path
         try:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) not in _READABLE:

@@ -1,8 +1,5 @@
-"""What is seen: a run as a Rerun recording. Needs the `view` extra; without it, one clear error."""
+"""What is seen: a run as a Rerun recording, and as a film.
 
-from importlib.util import find_spec
-
-from sumo_dist.errors import SumoError
-
-if find_spec("rerun") is None:
-    raise SumoError("viewing needs Rerun, which is not installed: pip install 'sumo-dist[view]'")
+Rerun comes with the `view` extra and what writes films with `film`; whoever begins to use one asks
+`extras.need` for it first.
+"""

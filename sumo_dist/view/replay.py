@@ -12,6 +12,7 @@ import numpy as np
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError, unknown
+from sumo_dist.extras import need
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
@@ -40,6 +41,7 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
     Raises:
         SumoError: the file cannot be written, or the `view` extra is not installed.
     """
+    need("view", "Rerun's file of a run")
     from sumo_dist.view.outputs import Outputs
     from sumo_dist.view.rrd_file import RrdFile
     from sumo_dist.view.run_logger import RunLogger
@@ -109,6 +111,7 @@ def show(recording: Recording, viewer: str) -> None:
 
 def show_file(path: Path, viewer: str) -> None:
     """Show an .rrd in Rerun; as `show`."""
+    need("view", "the viewer")
     from sumo_dist.view.viewers import Viewer
 
     with Viewer(viewer, path) as opened:
@@ -130,11 +133,10 @@ def render(recording: Recording, path: Path) -> None:
 
     Raises:
         UsageError: another ending.
-        SumoError: no graphics library works here, the film cannot be written, or the `view` extra
+        SumoError: no graphics library works here, the film cannot be written, or the `film` extra
             is not installed.
     """
-    import sumo_dist.view  # noqa: F401  # says so if the extra is not installed
-
+    need("film", "a film or picture")
     if path.suffix not in FILMS:
         raise unknown("film format", path.suffix, FILMS)
     World.of(recording)  # what is wrong with it is said here, in one line

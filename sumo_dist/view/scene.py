@@ -6,9 +6,11 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from sumo_dist.model.index import label
 from sumo_dist.view.outputs import Outputs
 
 VISIBLE_GROUPS = 3  # geom groups 0, 1, 2 are drawn, as in MuJoCo's own viewer; 3 is collision
+HFIELD_LINES = 100  # of a height field that are drawn in each direction, at most
 GROUND = (66, 72, 83)
 _NO_COLOR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's default: the material decides
 _Geom = mujoco.mjtGeom
@@ -24,9 +26,9 @@ class SceneLog:
         """Log the geometry; poses go out every `chunk_ticks` ticks and on flush."""
         self._out = out
         self._chunk_ticks = chunk_ticks
-        geoms = [int(geom) for geom in np.flatnonzero(model.geom_group < VISIBLE_GROUPS)]
+        geoms = [int(geom) for geom in np.flatnonzero(_drawn(model))]
         self._bodies = sorted({int(model.geom_bodyid[geom]) for geom in geoms} - {0})
-        self._names = [model.body(body).name for body in self._bodies]
+        self._names = [label(model, "body", body) for body in self._bodies]
         self._full_chunk_frames = self._child_frames(chunk_ticks)  # encoded once
         self._ticks: list[int] = []
         self._poses: list[np.ndarray] = []  # per tick, (bodies, 7)
@@ -56,12 +58,18 @@ class SceneLog:
         return rr.Transform3D.columns(child_frame=self._names * ticks)
 
 
+def _drawn(model: mujoco.MjModel) -> np.ndarray:
+    """Mask (ngeom,) of the visible geoms; all are, of what would else not be seen."""
+    visible = model.geom_group < VISIBLE_GROUPS
+    things = model.body_rootid[model.geom_bodyid]
+    return visible | ~np.isin(things, things[visible])
+
+
 def _log_geom(out: Outputs, model: mujoco.MjModel, geom: int) -> None:
     kind = _Geom(model.geom_type[geom])
     if kind not in _SHAPES:
         return
-    body = model.body(model.geom_bodyid[geom])
-    name = model.geom(geom).name or f"geom_{geom}"
+    body, name = int(model.geom_bodyid[geom]), label(model, "geom", geom)
     shape, offset = _SHAPES[kind](model, geom)
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
@@ -69,8 +77,9 @@ def _log_geom(out: Outputs, model: mujoco.MjModel, geom: int) -> None:
         translations=[model.geom_pos[geom] + rotation.reshape(3, 3) @ offset],
         quaternions=[_xyzw(model.geom_quat[geom])],
     )
-    if body.id:
-        out.log(["world", "bodies", body.name, name], rr.CoordinateFrame(body.name), pose, shape)
+    if body:
+        frame = label(model, "body", body)
+        out.log(["world", "bodies", frame, name], rr.CoordinateFrame(frame), pose, shape)
     else:
         out.log(["world", "fixed", name], pose, shape)
 
@@ -109,6 +118,31 @@ def _plane(model: mujoco.MjModel, geom: int) -> _Shape:
     return slab, np.array([0.0, 0.0, -2 * thin])  # below the grid lines and what stands on it
 
 
+def _hfield(model: mujoco.MjModel, geom: int) -> _Shape:
+    field = model.geom_dataid[geom]
+    nrow, ncol, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    x, y, top, _ = model.hfield_size[field]
+    rows, columns = _thinned(nrow), _thinned(ncol)
+    heights = model.hfield_data[first : first + nrow * ncol].reshape(nrow, ncol)
+    across, along = np.meshgrid(x * (2 * columns / (ncol - 1) - 1), y * (2 * rows / (nrow - 1) - 1))
+    points = np.stack([across, along, top * heights[np.ix_(rows, columns)]], axis=-1)
+    corner = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    slope_y, slope_x = np.gradient(points[..., 2], along[:, 0], across[0])
+    shape = rr.Mesh3D(
+        vertex_positions=points.reshape(-1, 3),
+        vertex_normals=np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], -1).reshape(-1, 3),
+        triangle_indices=np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3),
+        albedo_factor=_color(model, geom),
+    )
+    return shape, np.zeros(3)
+
+
+def _thinned(lines: int) -> np.ndarray:
+    """Which of a height field's rows or columns are drawn."""
+    return np.unique(np.linspace(0, lines - 1, min(lines, HFIELD_LINES)).round().astype(int))
+
+
 def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     mesh = model.geom_dataid[geom]
     first = model.mesh_faceadr[mesh]
@@ -132,6 +166,8 @@ _SHAPES: dict[mujoco.mjtGeom, Callable[[mujoco.MjModel, int], _Shape]] = {
     _Geom.mjGEOM_CYLINDER: _cylinder,
     _Geom.mjGEOM_BOX: _box,
     _Geom.mjGEOM_MESH: _mesh,
+    _Geom.mjGEOM_SDF: _mesh,  # the mesh that MuJoCo makes of it
+    _Geom.mjGEOM_HFIELD: _hfield,
 }
 
 

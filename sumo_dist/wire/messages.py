@@ -192,6 +192,18 @@ class PlanMessage(Message):
 
 
 @dataclass(frozen=True, eq=False)
+class NoPlan(Message):
+    """optimizer -> robot: there will be no plan, because the task's own code raises.
+
+    Attributes:
+        reason: one line.
+    """
+
+    topic: ClassVar[str] = "no-plan"
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
 class RolloutRequest(Message):
     """optimizer -> one worker: everything that the costs of some rows depend on.
 
@@ -238,6 +250,7 @@ class RolloutReply(Message):
         valid: (b,) the rollout and its costs are finite.
         compute_ms: wall time of the rollouts [ms].
         refusal: why nothing was rolled out (terms and valid are empty); "" if it was.
+        task_fails: it refuses because the task's own code raises.
     """
 
     topic: ClassVar[str] = "reply"
@@ -252,6 +265,7 @@ class RolloutReply(Message):
     valid: Annotated[np.ndarray, Array("b1", "b", empty=True)]
     compute_ms: Milliseconds
     refusal: str
+    task_fails: bool
 
 
 @dataclass(frozen=True, eq=False)

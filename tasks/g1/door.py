@@ -9,7 +9,16 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
 from sumo_dist.tasks import terms
-from sumo_dist.tasks.g1.terms import FALL, PALMS, WORKSPACE, at, heading, regularisation, scene
+from sumo_dist.tasks.g1.terms import (
+    FALL,
+    MEASURED,
+    PALMS,
+    WORKSPACE,
+    at,
+    heading,
+    regularisation,
+    scene,
+)
 from sumo_dist.tasks.reset import Reset
 from sumo_dist.tasks.task import Goal, Task
 
@@ -57,4 +66,6 @@ def door_open() -> Task:
         failure={"left the workspace": terms.outside(WORKSPACE, "base")},
         goal=Goal("base", PELVIS_HEIGHT),
         trails=("base", "right_palm"),
+        planner=MEASURED,
+        description="G1 pushes open a door that springs shut, and walks through",
     )

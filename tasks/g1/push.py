@@ -13,7 +13,16 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
 from sumo_dist.tasks import terms
-from sumo_dist.tasks.g1.terms import FALL, PALMS, WORKSPACE, at, heading, regularisation, scene
+from sumo_dist.tasks.g1.terms import (
+    FALL,
+    MEASURED,
+    PALMS,
+    WORKSPACE,
+    at,
+    heading,
+    regularisation,
+    scene,
+)
 from sumo_dist.tasks.reset import OnFloor, Reset
 from sumo_dist.tasks.task import Goal, Task
 
@@ -113,6 +122,8 @@ def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
         },
         goal=Goal("object", load.rest_z),
         trails=("base", "object"),
+        planner=MEASURED,
+        description=f"G1 pushes the {load.name} to its goal and leaves it at rest",
     )
 
 

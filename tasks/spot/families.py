@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sumo_dist.costs.fields import checked_number
 from sumo_dist.costs.parameters import Parameter
 from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
@@ -65,6 +66,9 @@ class Manipuland:
     standing: Standing = Z_UP
     rolls: bool = False
     any_side: bool = False
+
+    def __post_init__(self) -> None:
+        checked_number(f"rest_z of object {self.name!r}", self.rest_z)
 
     @property
     def scene(self) -> Scene:
@@ -146,6 +150,7 @@ def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NE
         success_hold=0.5 if thing.rolls else 0.0,
         failure={**failure, **LEFT},
         goal=Goal("object", thing.rest_z),
+        description=f"Spot pushes the {thing.name} to its goal and leaves it at rest",
     )
 
 
@@ -183,4 +188,5 @@ def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = N
         reset=Reset(robot, (Dropped(thing.name, ring),), solved=solved),
         success=solved,
         failure=LEFT,
+        description=f"Spot sets the {thing.name}, dropped in a random attitude, upright",
     )

@@ -94,3 +94,38 @@ def ask(pytestconfig, capfd, tmp_path):
         return printed
 
     return ask
+
+
+DRUM = """
+<mujoco model="drum">
+  <worldbody>
+    <body name="drum"><geom type="cylinder" size="0.2 0.3" mass="4"/></body>
+  </worldbody>
+</mujoco>
+"""
+IMPORTS = """
+import random, sys
+from dataclasses import replace
+import numpy as np
+from sumo_dist.costs.parameters import Parameter
+from sumo_dist.costs.terms import CostTerm, norm
+from sumo_dist.tasks import load_task, terms
+from sumo_dist.tasks.families import Manipuland, move, upright
+from sumo_dist.tasks.task import Goal
+DRUM = Manipuland("drum", "drum.xml", rest_z=0.3)
+CALLS = []
+"""
+
+
+@pytest.fixture
+def write_task(tmp_path):
+    """Return a function that writes a task file beside the model of a drum."""
+
+    def write_task(returns, code="", model=DRUM):
+        """Write a file whose task() returns an expression, after some code; return its path."""
+        (tmp_path / "drum.xml").write_text(model)
+        path = tmp_path / "mine.py"
+        path.write_text(f"{IMPORTS}\n{code}\n\ndef task():\n    return {returns}\n")
+        return path
+
+    return write_task

@@ -36,26 +36,18 @@ def test_an_error_of_several_lines_is_one_finding():
     assert doctor.examine(broken) == doctor.Finding("fail", "first second")
 
 
-@pytest.mark.parametrize(
-    ("version", "bound", "kept"),
-    [
-        ("4.0.0", ">=4.0", True),
-        ("4.1.0", "<4.1", False),
-        ("4.0.9", "<4.1", True),
-        ("3.10.2", ">=3.9", True),
-        ("0.41.3", "==0.41.*", True),
-        ("0.42.0", "==0.41.*", False),
-    ],
-)
-def test_versions_are_compared_as_numbers(version, bound, kept):
-    assert doctor.satisfies(version, bound) is kept
-
-
 def test_a_package_out_of_range_is_named(monkeypatch):
-    monkeypatch.setattr(doctor.importlib.metadata, "requires", lambda _name: ["numpy>=99,<100"])
+    monkeypatch.setattr("sumo_dist.extras.requires", lambda _name: ["numpy>=99,<100"])
     found = doctor.packages()
     assert found.level == "fail"
-    assert "is not >=99,<100" in found.text
+    assert "needs numpy >=99,<100, not " in found.text
+
+
+def test_a_light_installation_says_what_brings_the_rest(monkeypatch):
+    monkeypatch.setattr(doctor, "lacking", lambda extra: [f"what {extra} has"])
+    for check, extra in ((doctor.rerun, "view"), (doctor.films, "film")):
+        assert check().level == "warn"
+        assert f"pip install 'sumo-dist[{extra}]'" in check().text
 
 
 def test_normal_priority_is_a_warning_that_says_why(monkeypatch):

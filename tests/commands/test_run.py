@@ -156,7 +156,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(capsys, tmp_path, where):
 BROKEN = {
     "<mujoco><worldbody><body>": "XML",
     "<mujoco><worldbody><body><geom type='blob' size='1'/></body></worldbody></mujoco>": "blob",
-    "<mujoco><worldbody/></mujoco>": "an object has one top-level body, found 0",
+    "<mujoco><worldbody/></mujoco>": "has no body that could be an object",
 }
 TASK_FILE = """
 from dataclasses import replace

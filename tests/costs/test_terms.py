@@ -60,7 +60,8 @@ def test_a_wrong_shape_is_named_with_its_term(view, shape):
     term = CostTerm("to_goal", constant(np.zeros(shape)), 1.0)
     with pytest.raises(UsageError) as raised:
         term.evaluate(view)
-    assert "cost term 'to_goal' returned shape" in str(raised.value)
+    assert str(raised.value).startswith("cost term 'to_goal': test_terms.py, line ")
+    assert "returned shape" in str(raised.value)
     assert str(shape) in str(raised.value)
     assert "must be (rollouts, steps) = (2, 3)" in str(raised.value)
 

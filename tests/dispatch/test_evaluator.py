@@ -13,7 +13,7 @@ import pytest
 from sumo_dist.dispatch import evaluator as gather
 from sumo_dist.dispatch import workers as crew
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
-from sumo_dist.errors import Interrupted
+from sumo_dist.errors import Interrupted, TaskError
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
@@ -46,6 +46,7 @@ def answer(asked, **changes):
         valid=np.ones(len(terms), bool),
         compute_ms=float(len(terms)),
         refusal="",
+        task_fails=False,
     )
     return replace(reply, **changes)
 
@@ -478,3 +479,46 @@ def test_says_that_it_was_told_to_stop(party):
     threading.Timer(0.2, party.stop.set).start()
     with pytest.raises(Interrupted):
         party.evaluate()
+
+
+def blames(asked):
+    """What a worker answers on which the task's own code raises."""
+    nothing = {"terms": np.zeros((0, 0)), "valid": np.zeros(0, bool)}
+    return answer(asked, **nothing, refusal="cost term 'mine': mine.py, line 3", task_fails=True)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_a_task_that_raises_on_every_worker_is_at_fault(party, workers):
+    members = [party.join(f"w-{i}", blames) for i in range(workers)]
+    with pytest.raises(TaskError, match=r"^cost term 'mine': mine.py, line 3$"):
+        party.evaluate()
+    assert all(member.asked for member in members)
+    assert sum("is left out: cost term 'mine'" in text for _, text in party.told) == 1
+
+
+def test_one_worker_that_blames_the_task_costs_no_more_than_its_rows(party):
+    party.join("liar", blames)
+    party.join("w-1")
+    evaluation = party.evaluate()
+    assert evaluation.answered.all()
+    assert np.array_equal(evaluation.terms[:, 0], EXPECTED)
+    assert party.evaluate(1).answered.all()
+    assert party.heard("worker liar is left out: cost term 'mine'")
+
+
+def test_a_worker_that_never_answers_does_not_keep_a_fault_from_being_told(party):
+    party.join("w-1", blames)
+    party.join("frozen", silent)
+    with pytest.raises(TaskError, match=r"mine.py, line 3"):
+        party.evaluate()
+
+
+def test_workers_are_asked_again_once_they_are_forgiven(party):
+    worker = party.join("w-1", blames)
+    with pytest.raises(TaskError):
+        party.evaluate()
+    worker.script = answer
+    with pytest.raises(TaskError):
+        party.evaluate(1)
+    party.workers.forgive()
+    assert party.evaluate(2).answered.all()

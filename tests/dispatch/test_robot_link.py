@@ -12,7 +12,7 @@ from sumo_dist.dispatch import robot_link
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.errors import Interrupted, Stopped, SumoError
+from sumo_dist.errors import Interrupted, Stopped, SumoError, TaskError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
@@ -20,7 +20,15 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, Question, Sensors, State
+from sumo_dist.wire.messages import (
+    EpisodeEnd,
+    EpisodeInfo,
+    NoPlan,
+    PlanMessage,
+    Question,
+    Sensors,
+    State,
+)
 from sumo_dist.wire.notices import CommandMessage
 
 MEMORY = np.zeros(12, np.float32)
@@ -284,6 +292,22 @@ def test_ends_its_waiting_when_told_to_stop(ends):
     threading.Timer(0.2, ends.stop.set).start()
     with pytest.raises(Interrupted):
         ends.link.ask_state(readings(0))
+
+
+def test_it_is_told_at_once_that_no_plan_will_come(ends, eventually):
+    def asking():
+        with pytest.raises(TaskError, match=r"^success: mine.py, line 3$"):
+            ends.link.ask_plan(plan_request(4), ends.config)
+
+    thread = threading.Thread(target=asking)
+    thread.start()
+    ends.other.publish(NoPlan("run", "success: mine.py, line 3"))
+    thread.join(10.0)
+    assert not thread.is_alive()
+    with pytest.raises(TaskError):  # in realtime, where nobody waits for plans
+        ends.link.new_plans()
+    ends.link.enter(ends.episode, ends.info("next", 2))
+    assert ends.link.new_plans() == []
 
 
 def test_a_stop_ends_its_waiting_at_once(ends, eventually):

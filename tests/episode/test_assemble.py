@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sumo_dist.episode.assemble import Episode, draw_start, make_plant
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.episode.assemble import Episode, draw_start, make_plant, rehearse
 from sumo_dist.episode.command import Command
 from sumo_dist.episode.ending import End
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import TaskError, UsageError
 from sumo_dist.model.index import StateIndex
+from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.plant.scripted import ScriptedBody
 
 
@@ -85,3 +87,31 @@ def test_success_is_at_the_goal_that_was_commanded(quick, first_state):
 def test_what_does_not_fit_is_refused(quick, change, message):
     with pytest.raises(UsageError, match=message):
         Episode.assemble(replace(quick(), **change))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"reset": lambda rng, start: start.stance}, r"reset: .* returned shape \(26,\)"),
+        ({"reset": lambda rng, start: np.full(64, np.nan)}, "reset: .* not finite"),
+        ({"success": lambda r: r.box.pos}, "success: .* unknown frame 'box'; valid: "),
+        ({"failure": {"late": lambda r: 1 / 0}}, "failure 'late': .* ZeroDivisionError"),
+        ({"cost": (CostTerm("far", lambda r: r.p.far, 1.0),)}, "'far': .* unknown parameter 'far'"),
+    ],
+)
+def test_a_rehearsal_finds_what_the_episode_would_trip_over(quick, move_box, changes, reason):
+    config = quick()
+    problem = Problem.build(move_box, planning_options(config.planner))
+    rehearse(config, problem)
+    with pytest.raises(TaskError, match=reason) as caught:
+        rehearse(config, replace(problem, task=replace(move_box, **changes)))
+    assert "test_assemble.py, line " in str(caught.value)
+
+
+def test_a_cost_is_rehearsed_on_as_many_steps_as_it_will_see(quick, move_box):
+    def steps(r):
+        return np.abs(r.object.pos[:, [1], 0] - r.object.pos[..., 0])
+
+    config = quick()
+    task = replace(move_box, cost=(CostTerm("steps", steps, 1.0),))
+    rehearse(config, Problem.build(task, planning_options(config.planner)))

@@ -1,5 +1,7 @@
 """What an operator may say, what comes of it, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End, Ending
 from sumo_dist.errors import Interrupted, SumoError
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.tasks import load_task
 
 CONFIG = EpisodeConfig(
     "spot/move_box",
@@ -232,3 +235,17 @@ def test_commands_of_a_recording_are_plain(controls):
     controls.apply(command("weight", "goal", "1"), int(np.int64(3)))
     (said,) = controls.commands
     assert {type(value) for value in said.values()} == {int, str}
+
+
+def test_another_task_brings_its_own_settings_and_what_was_asked_for_stays():
+    task = load_task("g1/box_push")
+    planner = PlannerConfig.resolve(task.planner, settings=["rollouts=6"])
+    controls = Controls(EpisodeConfig("g1/box_push", planner=planner), task)
+    other = replace(task, name="g1/other", planner={"horizon": 1.0})
+    assert controls._planner_of(other) == PlannerConfig(horizon=1.0, rollouts=6)
+    controls.apply(command("planner", "horizon", "2.0"), 0)
+    assert controls._planner_of(other) == PlannerConfig(horizon=2.0, rollouts=6)
+    assert controls.apply(command("task", "g1/door_open"), 1) == ""
+    assert controls.following.planner == PlannerConfig.resolve(task.planner).changed(
+        {"horizon": 2.0, "rollouts": 6}
+    )

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sumo_dist.errors import UsageError
-from sumo_dist.faults import run
+from sumo_dist import extras
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.faults.run import planned_services, run_script
 from sumo_dist.faults.script import Fault, Script
 from sumo_dist.faults.verdict import crashed, unsafe
@@ -49,8 +49,8 @@ def test_services_that_are_behind_the_bridge_must_be_some():
 
 
 def test_a_viewer_that_is_not_installed_is_one_clear_error(monkeypatch):
-    monkeypatch.setattr(run, "find_spec", lambda _name: None)
-    with pytest.raises(UsageError, match=r"script has a viewer: pip install 'sumo-dist\[view\]'"):
+    monkeypatch.setattr(extras, "lacking", lambda _extra: ["rerun-sdk, which is not installed"])
+    with pytest.raises(SumoError, match=r"the viewer of script needs .*'sumo-dist\[view\]'"):
         run_script(Script((Fault("kill", 1, "tracer"),), viewer="web"))
 
 

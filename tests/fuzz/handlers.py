@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
+from sumo_dist.dispatch.questions import QuestionSlot
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.dispatch.workers import REFUSALS_TO_LEAVE_OUT
 from sumo_dist.episode.assemble import Episode
@@ -24,7 +25,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import Follower
 from sumo_dist.episode.progress import Progress
 from sumo_dist.episode.safety import StateWatch
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, TaskError
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
@@ -34,7 +35,7 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.services.estimator import EstimatorServer
-from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer, QuestionSlot
+from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer
 from sumo_dist.services.worker import Inbox
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK, anchor_tick
@@ -46,6 +47,7 @@ from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
     Message,
+    NoPlan,
     PlanMessage,
     Question,
     RolloutReply,
@@ -158,8 +160,8 @@ class MessageHandlers:
         on_plan = Progress(task.table.terms, lambda _line: None)
         self._link = RobotLink(self._bus(RUN), 1.0, threading.Event(), _tell, on_plan)
         self._session.on_put = self._published
-        info = EpisodeInfo(RUN, CONFIG.to_json(), self._episode.problem.hash, 1)
-        self._link.enter(self._episode, info)
+        self._info = EpisodeInfo(RUN, CONFIG.to_json(), self._episode.problem.hash, 1)
+        self._link.enter(self._episode, self._info)
         self._sense()
         self._others()
 
@@ -243,7 +245,12 @@ class MessageHandlers:
         """Ask the worker, which has answered before the deadline or not."""
         self._evaluator._shard = 0  # an input means the same whenever it comes
         self._evaluator.begin(self._episode.problem, CONFIG.planner, deadline=0.0)
-        evaluation = self._evaluator(self._request, 0, self._knots)
+        try:
+            evaluation = self._evaluator(self._request, 0, self._knots)
+        except TaskError:  # the only worker there is blames the task
+            self.handled.add("blamed task")
+            self._join()
+            return
         counted = evaluation.terms[evaluation.answered & evaluation.valid]
         assert np.isfinite(counted).all()
         assert not np.isnan(evaluation.costs(COST.weights)).any()
@@ -257,7 +264,7 @@ class MessageHandlers:
     def _robot(self) -> None:
         """What the robot does with its newest plans, commands and state."""
         follower = Follower(self._episode.task.actions)
-        for report in self._link.new_plans():
+        for report in self._new_plans():
             follower.offer(report.plan)
             Recording(self._episode.recording.config).add_plan(report)
             self.handled.add("plan")
@@ -270,6 +277,15 @@ class MessageHandlers:
         assert np.isfinite(self._guard.last).all()
         self._obey()
         self._sense()
+
+    def _new_plans(self) -> list[PlanReport]:
+        """Return the robot's newest plans; told that none will come, it begins again."""
+        try:
+            return self._link.new_plans()
+        except TaskError:
+            self.handled.add("no plan")
+            self._link.enter(self._episode, self._info)
+            return []
 
     def _obey(self) -> None:
         """What the robot does with commands, and what it asks after them."""
@@ -349,12 +365,14 @@ def samples(rng: np.random.Generator) -> list[Message]:
         Question(RUN, -1, 103, "realtime", 0.5, state, memory, plan, *cost, settings),
         Question(RUN, -1, 104, "realtime", 0.5, state, memory, plan, *cost, settings),
         PlanMessage.of(RUN, PlanReport(plan, costs[:, 0], ok, costs[0], *cost, 30.0, 2.0)),
+        NoPlan(RUN, "cost term 'mine': mine.py, line 3: ZeroDivisionError"),
         RolloutRequest(
             *(RUN, WORKER, 4, 0, 1, 0, CONFIG.task, "ab12", "-", settings),
             *(state, memory, COST.parameters, np.zeros((8, 4, 9), np.float32), 40.0),
         ),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, costs, ok, 30.0, ""),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "other task"),
+        RolloutReply(RUN, WORKER, 4, 0, 1, 0, costs, ok, 30.0, "", False),
+        RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "other task", False),
+        RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "mine.py, 3", True),
         Traces(RUN, WORKER, 4, 0, 0, rng.random((2, 2, 25, 3)).astype(np.float32)),
         Event(RUN, "optimizer", "warning", "no workers"),
         EpisodeEnd(RUN, 700, "success", success=True, last=True),

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sumo_dist.model.scene import ASSETS
+from sumo_dist.model.files import ASSETS
 from sumo_dist.robots.g1 import G1
 
 # joint: range [rad], armature [kg m^2], torque [Nm], of the left side

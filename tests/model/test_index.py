@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.errors import UsageError
-from sumo_dist.model.index import StateIndex
+from sumo_dist.model.index import StateIndex, label
 
 MJCF = """
 <mujoco>
@@ -80,3 +80,13 @@ def test_unpack_undoes_pack_without_copying(model, index):
 def test_what_is_not_there_is_an_error_that_names_what_is(index, use, message):
     with pytest.raises(UsageError, match=message):
         use(index)
+
+
+def test_what_has_no_name_is_counted_by_its_number():
+    thing = "<body><freejoint/><geom size='.1'/><body><joint/><geom size='.1'/></body></body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{thing * 3}</worldbody></mujoco>")
+    index = StateIndex(model)
+    assert index.free_bodies == ("body_1", "body_3", "body_5")
+    assert [index.pose(body).start for body in index.free_bodies] == [0, 8, 16]
+    assert index.columns["joint_3"] == (15, index.nq + 13)
+    assert label(model, "geom", 2) == "geom_2"

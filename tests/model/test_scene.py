@@ -6,7 +6,7 @@ import pytest
 
 from sumo_dist.errors import UsageError
 from sumo_dist.model.index import StateIndex
-from sumo_dist.model.scene import PLANNING, PLANT, Scene, SceneObject, compile_model
+from sumo_dist.model.scene import PLANNING, PLANT, Scene, SceneObject, compile_model, remarks
 from sumo_dist.model.settle import settled_stand
 from sumo_dist.robots.spot import SPOT
 
@@ -130,7 +130,7 @@ def test_what_is_only_seen_changes_no_bit_of_the_physics():
     [
         ("<worldbody><bdy/></worldbody>", "thing.xml is not a valid MuJoCo model: XML Error"),
         ("<worldbody><body><freejoint/></body></worldbody>", "thing.xml .* mass and inertia"),
-        ("<worldbody/>", "one top-level body, found 0"),
+        ("<worldbody/>", "thing.xml has no body that could be an object"),
         ("<worldbody><body><joint/><geom size='1'/></body></worldbody>", "a free joint or none"),
         ("<worldbody>", "thing.xml is not a valid MuJoCo model"),
     ],
@@ -144,16 +144,99 @@ def test_a_broken_model_is_one_line_that_names_the_file(tmp_path, text, message)
 
 def test_a_missing_model_names_what_there_is():
     scene = Scene(SPOT, (SceneObject("box", "objects/bx.xml"),))
-    with pytest.raises(UsageError, match=r"unknown model file 'objects/bx.xml'.*objects/box.xml"):
+    with pytest.raises(UsageError, match=r"unknown model file 'objects/bx.xml', .*objects/box.xml"):
         compile_model(scene, PLANT)
 
 
-@pytest.mark.parametrize("name", ["box", "floor"])
-def test_two_things_of_one_name_are_an_error(name):
-    with pytest.raises(UsageError, match=f"distinct names, got .'{name}'. twice"):
-        Scene(SPOT, (BOX, SceneObject(name, BOX.mjcf)))
+def test_two_things_of_one_name_are_an_error():
+    with pytest.raises(UsageError, match=r"distinct names, got .'box'. twice"):
+        Scene(SPOT, (BOX, SceneObject("box", BOX.mjcf)))
+
+
+@pytest.mark.parametrize("name", ["floor", "world", ""])
+def test_names_that_the_scene_needs_for_itself(name):
+    with pytest.raises(UsageError, match=f"no object or fixture can be called '{name}': "):
+        Scene(SPOT, (SceneObject(name, BOX.mjcf),))
 
 
 def test_a_thing_named_as_a_part_of_the_robot_is_an_error():
-    with pytest.raises(UsageError, match="repeated name 'arm_link_sh0'"):
+    with pytest.raises(UsageError, match="'arm_link_sh0' is a body of robot 'spot'"):
         compile_model(Scene(SPOT, (SceneObject("arm_link_sh0", BOX.mjcf),)), PLANT)
+
+
+CHEST = """<worldbody>
+  <geom name="ground" type="plane" size="1 1 1"/>
+  <camera name="eye" mode="targetbody" target="chest" pos="0 3 1"/>
+  <light name="sun" mode="targetbody" target="chest"/>
+  <body name="chest" pos="0 0 .5">
+    <freejoint name="free"/><geom name="side" type="box" size=".3 .2 .1" mass="4"/>
+    <body name="lid"><joint name="hinge"/><geom size=".1"/>
+      <light name="lamp" mode="targetbodycom" target="chest"/>
+    </body>
+  </body>
+</worldbody>
+<contact>
+  <exclude body1="chest" body2="lid"/>
+  <pair geom1="ground" geom2="side" friction="2 2 1 1 1"/>
+</contact>
+<sensor>
+  <framepos name="to root" objtype="body" objname="lid" reftype="xbody" refname="chest"/>
+  <subtreecom name="of root" body="chest"/>
+  <distance name="to floor" geom1="side" geom2="ground"/>
+</sensor>
+<equality><weld name="held" body1="chest" active="false"/></equality>
+<custom><tuple name="both">
+  <element objtype="body" objname="chest"/><element objtype="joint" objname="free"/>
+</tuple></custom>
+<deformable><skin name="cover" vertex="0 0 0 1 0 0 0 1 0" face="0 1 2">
+  <bone body="chest" bindpos="0 0 0" bindquat="1 0 0 0" vertid="0 1 2" vertweight="1 1 1"/>
+</skin></deformable>"""
+
+
+def test_what_refers_to_the_root_the_free_joint_and_the_files_own_floor_still_does(tmp_path):
+    scene = Scene(SPOT, (SceneObject("box", model_file(tmp_path, CHEST)),))
+    model = compile_model(scene, PLANT)
+    root, lid, free = model.body("box").id, model.body("box/lid").id, model.joint("box_joint").id
+    side, floor = model.geom("box/side").id, model.geom("floor/ground").id
+    assert model.cam("box/eye").targetbodyid == root
+    assert model.light("box/lamp").targetbodyid == root
+    assert (root << 16) + lid in model.exclude_signature
+    assert {int(model.pair_geom1[0]), int(model.pair_geom2[0])} == {side, floor}
+    to_root, of_root, to_floor = (
+        model.sensor(f"box/{name}") for name in ("to root", "of root", "to floor")
+    )
+    assert (to_root.objid, to_root.refid) == (lid, root)
+    assert of_root.objid == root
+    assert (to_floor.objid, to_floor.refid) == (side, floor)
+    assert model.eq("box/held").obj1id == root
+    assert model.tuple("box/both").objid.tolist() == [root, free]
+    assert model.skin_bonebodyid.tolist() == [root]
+    assert np.count_nonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) == 1
+
+
+def test_what_the_files_bring_along_is_a_line_each(tmp_path):
+    chest = model_file(tmp_path, CHEST)
+    scene = Scene(SPOT, (SceneObject("chest", chest), BOX), (SceneObject("hall", chest),))
+    first, second = remarks(scene)  # nothing of ours
+    for line in (first, second):
+        assert line.startswith(f"{chest}: ")
+        assert "left out option timestep, density: these are the scene's to set" in line
+        assert "left out geom 'ground': the scene has a floor" in line
+        assert "left out light 'sun': the scene has lights" in line
+
+
+@pytest.mark.parametrize("options", [PLANT, PLANNING])
+def test_several_bodies_without_a_free_joint_move_as_one(tmp_path, options):
+    desk = """<worldbody><geom type="plane" size="1 1 1"/><geom size=".1" pos="0 0 1"/>
+      <body name="left" pos="0 1 0"><geom size=".1"/></body>
+      <body name="right"><geom size=".2"/><body name="drawer"><joint type="slide"/>
+      <geom size=".1"/></body></body></worldbody>"""
+    file = model_file(tmp_path, desk)
+    model = compile_model(Scene(SPOT, (SceneObject("desk", file),)), options)
+    index = StateIndex(model)
+    assert index.free_bodies == ("body", "desk")
+    assert "desk/joint_0" in index.columns
+    alone = mujoco.MjModel.from_xml_path(file)
+    assert model.body("desk").subtreemass == pytest.approx(
+        alone.body_subtreemass[0] + 4 / 3 * np.pi * 0.1**3 * 1000
+    )

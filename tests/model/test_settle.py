@@ -2,8 +2,14 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.errors import UsageError
 from sumo_dist.model.scene import PLANT, Scene, SceneObject, compile_model
-from sumo_dist.model.settle import height_above_floor, settled_stand
+from sumo_dist.model.settle import (
+    height_above_floor,
+    settled_stand,
+    why_it_falls,
+    without_robot,
+)
 from sumo_dist.robots.spot import SPOT
 
 
@@ -50,3 +56,27 @@ def test_height_of_a_turned_box_is_that_of_its_lowest_corner(seed):
     mujoco.mju_quat2Mat(rotation, quat)
     lowest = height - 0.254 * np.abs(rotation[6:]).sum()
     assert height_above_floor(model, qpos, "box") == pytest.approx(lowest, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("inside", "reason"),
+    [
+        ('<geom size=".1" contype="0" conaffinity="0"/>', "none of its geoms touches the floor"),
+        ('<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>', "it has no geom"),
+    ],
+)
+def test_what_cannot_touch_has_no_height_above_the_floor(tmp_path, inside, reason):
+    mjcf = f'<mujoco><worldbody><body name="it">{inside}</body></worldbody></mujoco>'
+    (tmp_path / "it.xml").write_text(mjcf)
+    model = compile_model(Scene(SPOT, (SceneObject("it", str(tmp_path / "it.xml")),)), PLANT)
+    assert why_it_falls(model, "it").startswith(reason)
+    with pytest.raises(UsageError, match=f"'it' cannot lie on the floor: {reason}"):
+        height_above_floor(model, model.qpos0, "it")
+
+
+def test_a_scene_without_its_robot_is_the_rest_of_it():
+    scene = Scene(SPOT, (SceneObject("box", "objects/box.xml"),))
+    alone, whole = without_robot(scene), compile_model(scene, PLANT)
+    assert (alone.nq, alone.nv, alone.nu) == (7, 6, 0)
+    assert alone.body("box").mass == whole.body("box").mass
+    assert whole.nq - alone.nq == 7 + len(SPOT.joints)

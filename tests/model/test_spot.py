@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sumo_dist.model.scene import ASSETS, PLANT, Scene, compile_model
+from sumo_dist.model.files import ASSETS
+from sumo_dist.model.scene import PLANT, Scene, compile_model
 from sumo_dist.robots.spot import ARM_STOWED, SPOT, STANDING
 
 # body: mass [kg], centre of mass [m], inertia xx yy zz xy xz yz [kg m^2], in the body's frame.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.costs.terms import CostTerm
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import TaskError, UsageError
 from sumo_dist.planner.evaluate import TRACE_POINTS, Evaluation, Evaluator
 from sumo_dist.timing import TICK
 
@@ -157,3 +157,22 @@ def test_a_joint_is_costed_by_its_name(problem, engine, config, start, usual, kn
     assert terms[:, 0] == pytest.approx(angle.mean(axis=1), rel=1e-12)
     assert terms[:, 1] == pytest.approx((target - angle).mean(axis=1), rel=1e-9)
     assert np.ptp(angle) > 0.01
+
+
+def test_a_term_that_is_not_finite_is_blamed_and_a_rollout_that_diverges_is_not(
+    problem, config, start, usual, knots
+):
+    def log(r):
+        return np.log(r.base.pos[..., 2] - 9.0)
+
+    cost = (*problem.task.cost[:1], CostTerm("depth", log, 1.0), *problem.task.cost[1:])
+    faulty = replace(problem, task=replace(problem.task, cost=cost))
+    state, memory = start
+    thrown = state.copy()
+    thrown[problem.model.nq :] = 1e7
+    with problem.engine(1) as engine:
+        evaluator = Evaluator(faulty, engine, config)
+        with pytest.raises(TaskError, match=r"'depth': test_evaluate.py, line \d+: not f"):
+            evaluator.blame(state, memory, usual, knots[:1])
+        evaluator.blame(thrown, memory, usual, knots[:1])
+        Evaluator(problem, engine, config).blame(state, memory, usual, knots[:1])

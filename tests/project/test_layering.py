@@ -15,8 +15,10 @@ PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 # Bottom to top: a room imports from itself and those before it. A file in sumo_dist/ is a room.
 ROOMS = (
     *("errors", "timing", "provenance", "priority", "load", "signals", "terminal"),
-    *("math", "policies", "robots", "model", "costs", "rollout", "optim", "tasks", "planner"),
-    *("estimate", "plant", "record", "episode", "wire", "dispatch", "view"),
+    *("extras", "startup"),
+    *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
+    *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
+    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),
     *("services", "launch", "bench", "bench.results", "bench.campaign", "faults", "bench.measure"),
     *("commands", "cli", "__main__"),
 )

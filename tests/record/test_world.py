@@ -52,7 +52,7 @@ def test_of_a_task_that_is_gone_all_is_there_but_its_functions(name, short_run):
         assert getattr(world.task, part) == getattr(task, part), part
     assert dict(world.task.frames) == dict(task.frames)
     assert world.task.scene.robot == task.scene.robot
-    assert str(world.task) == str(task)
+    assert str(task).startswith(str(world.task))  # settings are those of the recording
     numbers = task.table.defaults.parameters
     goals = [each.goal_position(each.table.named(numbers)) for each in (task, world.task)]
     assert np.array_equal(*goals)

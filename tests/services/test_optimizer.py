@@ -1,25 +1,34 @@
 """The optimizer: which question it answers, which episodes it takes up, and what it refuses."""
 
 import itertools
+import queue
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from sumo_dist.dispatch.evaluator import RESEND_S, RemoteEvaluator
+from sumo_dist.dispatch.questions import QuestionSlot
 from sumo_dist.episode.assemble import make_plant
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
-from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer, QuestionSlot, run
+from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer, run
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import EpisodeInfo, PlanMessage, Question, RolloutReply, RolloutRequest
+from sumo_dist.wire.messages import (
+    EpisodeInfo,
+    NoPlan,
+    PlanMessage,
+    Question,
+    RolloutReply,
+    RolloutRequest,
+)
 from sumo_dist.wire.notices import Event, Health, WorkerHealth
 
 TASK = load_task("spot/move_box")
@@ -144,6 +153,8 @@ class OnBus:
         self.events = self.bus.inbox(Event)
         self.health = self.bus.newest(Health, "optimizer")
         self.terms = len(TASK.cost)  # of a row
+        self.blames = ""  # what of the task raises
+        self.no_plan = self.bus.inbox(NoPlan)
         self.add_worker("w")
         options = OptimizerOptions(endpoint, robot)
         self._optimizer = threading.Thread(target=run, args=(options, self._stop))
@@ -165,7 +176,7 @@ class OnBus:
         rows = len(asked.knots)
         who = (asked.run, asked.worker, asked.number, asked.iteration, asked.shard, asked.start)
         costs = np.zeros((rows, self.terms)), np.ones(rows, bool)
-        self.bus.publish(RolloutReply(*who, *costs, 1.0, ""))
+        self.bus.publish(RolloutReply(*who, *costs, 1.0, self.blames, bool(self.blames)))
 
     def plan(self, info, question):
         """Tell of an episode and ask until there is a plan of it; return the plan."""
@@ -206,6 +217,21 @@ def test_one_question_of_a_tiny_speed_does_not_make_a_plan_wait(optimizer, info,
     waits = np.diff(optimizer.came)
     assert np.median(waits) < RESEND_S
     assert max(plan.plan_ms for plan in optimizer.plans) < 1e3 * RESEND_S
+
+
+def test_a_task_that_raises_is_passed_on_until_the_next_episode(optimizer, info, question):
+    """Again and again: the robot may have missed it."""
+    optimizer.plan(info, question())
+    optimizer.blames = "cost term 'mine': mine.py, line 3"
+    deadline, told = time.monotonic() + 60.0, []
+    while len(told) < 3:
+        assert time.monotonic() < deadline
+        optimizer.bus.publish(question(3, 1))
+        with suppress(queue.Empty):
+            told.append(optimizer.no_plan.get(timeout=0.2))
+    assert {(message.run, message.reason) for message in told} == {("run", optimizer.blames)}
+    optimizer.blames = ""
+    optimizer.plan(replace(info, run="next", number=2), question(run="next"))
 
 
 def test_a_plan_says_what_it_was_made_with(optimizer, info, question):

@@ -101,6 +101,35 @@ def test_the_same_rows_of_the_same_plan_with_another_content_are_not(cache, aske
     assert not np.array_equal(reply.terms, first.terms)
 
 
+MINE = """
+from dataclasses import replace
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.tasks import load_task
+
+def dry(r):
+    raise RuntimeError("the well is dry")
+
+def task():
+    box = load_task("spot/move_box")
+    return replace(box, cost=(*box.cost, CostTerm("dry", dry, 1.0)))
+"""
+
+
+def test_a_task_that_raises_is_blamed_and_the_worker_goes_on(
+    cache, asked, expected, tmp_path, config
+):
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    digest = Problem.build(load_task(str(path)), planning_options(config)).hash
+    reply, traces = cache.answer(replace(asked, task=str(path), task_hash=digest))
+    assert reply.refusal == "cost term 'dry': mine.py, line 7: RuntimeError: the well is dry"
+    assert reply.task_fails and traces is None
+    other, _ = cache.answer(replace(asked, task="spot/none"))
+    assert other.refusal and not other.task_fails
+    after, _ = cache.answer(asked)
+    assert np.array_equal(after.terms, expected.terms)
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -7,6 +7,7 @@ from sumo_dist.costs.parameters import Parameter
 from sumo_dist.errors import UsageError
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.tasks import load_task, task_names
 from sumo_dist.tasks.task import Goal
 
@@ -119,3 +120,36 @@ def test_every_tasks_numbers_survive_as_texts(name):
     changed = table.adjusted(weights, ())
     assert np.array_equal(changed.weights, 0.1 + np.arange(len(table.terms)))
     assert table.adjusted(*table.texts(changed)).same(changed)
+
+
+def test_a_task_may_state_settings_of_its_planner(move_box):
+    assert move_box.planner == {}
+    task = replace(move_box, planner={"horizon": 2, "optimizer": "icem"})
+    assert "planner         horizon=2, optimizer=icem" in str(task)
+
+
+@pytest.mark.parametrize(
+    ("planner", "message"),
+    [
+        (
+            {"horizn": 2.5},
+            "task 'spot/move_box': planner: unknown setting 'horizn'; valid: .*horizon",
+        ),
+        ({"horizon": 2.51}, "task 'spot/move_box': planner: horizon must be a multiple of 0.02 s"),
+        ({"nodes": 0}, "planner: nodes must be from 1 to 100, got 0"),
+        ({"nodes": "5"}, "planner: setting nodes needs a value of type int, got '5'"),
+        ({"rollouts": 2, "iterations": 3}, "planner: 3 iterations need at least as many rollouts"),
+        (["horizon=2.5"], "planner must be settings by name, such as"),
+        ("horizon=2.5", "planner must be settings by name, such as"),
+        (None, "planner must be settings by name, such as"),
+    ],
+)
+def test_wrong_settings_are_refused_where_the_task_is_made(move_box, planner, message):
+    with pytest.raises(UsageError, match=message):
+        replace(move_box, planner=planner)
+
+
+@pytest.mark.parametrize("name", [name for name in task_names() if name.startswith("g1/")])
+def test_g1s_tasks_are_run_as_they_were_measured(name):
+    planner = PlannerConfig.resolve(load_task(name).planner)
+    assert planner == PlannerConfig(horizon=2.5, nodes=5, base_noise=1.0)

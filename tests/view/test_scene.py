@@ -109,3 +109,84 @@ def test_a_geoms_own_colour_comes_before_its_materials(logged):
     rod = entities[r"/world/bodies/chain\/first/rod"]["Capsules3D:colors"][0][0]
     assert ball == 0xFF000080
     assert rod == 0x336699FF
+
+
+@pytest.fixture
+def drawn(tmp_path, read_rrd):
+    """A function that draws a world at rest: its model, its static entities, its first poses."""
+
+    def drawn(world, asset=""):
+        text = f"<mujoco><asset>{asset}</asset><worldbody>{world}</worldbody></mujoco>"
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
+            scene = SceneLog(out, model, chunk_ticks=1)
+            scene.add(0, data)
+        rrd = read_rrd(tmp_path / "run.rrd")
+        return model, rrd.static, rrd.timed.get("/world/poses")
+
+    return drawn
+
+
+def test_bodies_without_a_name_have_frames_of_their_own(drawn):
+    drawer = '<body pos="{} 0 0"><joint/><geom size=".1"/></body>'
+    _, entities, poses = drawn(f"<body>{drawer.format(1)}{drawer.format(2)}</body>")
+    frames = dict(
+        zip(
+            (row[0] for row in poses["Transform3D:child_frame"]),
+            (row[0][0] for row in poses["Transform3D:translation"]),
+            strict=True,
+        )
+    )
+    assert frames == {"body_2": 1.0, "body_3": 2.0}
+    for geom, body in (("geom_0", "body_2"), ("geom_1", "body_3")):
+        entity = entities[f"/world/bodies/{body}/{geom}"]
+        assert entity["CoordinateFrame:frame"] == [[body]]
+
+
+def test_a_body_of_hidden_geoms_alone_is_drawn_by_them(drawn):
+    both = '<geom name="{}" size=".1" group="{}"/>'
+    crate = f'<body name="crate">{both.format("solid", 3)}</body>'
+    robot = f'<body name="robot">{both.format("hidden", 3)}{both.format("seen", 2)}</body>'
+    _, entities, _ = drawn(crate + robot)
+    geoms = {e.split("/")[-1] for e in entities if e.startswith("/world/bodies")}
+    assert geoms == {"solid", "seen"}
+
+
+def height_field(nrow, ncol):
+    heights = " ".join(f"{(7 * i) % 11 / 10}" for i in range(nrow * ncol))
+    return (
+        f'<hfield name="hills" nrow="{nrow}" ncol="{ncol}" size="3 2 .5 .1" elevation="{heights}"/>'
+    )
+
+
+def test_a_height_field_is_drawn_where_it_touches(drawn):
+    model, entities, _ = drawn(
+        '<geom name="terrain" type="hfield" hfield="hills" pos="1 2 3"/>', height_field(4, 6)
+    )
+    terrain = entities["/world/fixed/terrain"]
+    points = np.array(terrain["Mesh3D:vertex_positions"][0])
+    corners = points[np.array(terrain["Mesh3D:triangle_indices"][0])]  # (triangles, 3, xyz)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    inside = corners.mean(axis=1) + terrain["InstancePoses3D:translations"][0]
+    for x, y, z in inside:
+        above = np.array([x, y, 10.0])
+        depth = mujoco.mj_ray(
+            model, data, above, np.array([0, 0, -1.0]), None, 1, -1, np.array([-1], np.int32)
+        )
+        assert 10.0 - depth == pytest.approx(z, abs=1e-5)
+    assert len(corners) == 2 * 3 * 5
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()  # seen from above
+    assert np.ptp(points, axis=0) == pytest.approx([6, 4, 0.5])
+
+
+def test_a_large_height_field_is_drawn_in_fewer_lines(drawn):
+    _, entities, _ = drawn(
+        '<geom name="terrain" type="hfield" hfield="hills"/>', height_field(300, 20)
+    )
+    points = np.array(entities["/world/fixed/terrain"]["Mesh3D:vertex_positions"][0])
+    assert len(points) == 100 * 20
+    assert np.ptp(points[:, :2], axis=0) == pytest.approx([6, 4])

@@ -1,12 +1,35 @@
-import importlib.util
+import threading
+from importlib.metadata import PackageNotFoundError
 
 import pytest
 
+from sumo_dist import extras
 from sumo_dist.errors import SumoError
+from sumo_dist.services.tracer import TracerOptions, run
+from sumo_dist.view import replay
+
+NEEDS = r"needs {}, which is not installed: pip install 'sumo-dist\[{}\]'"
 
 
-def test_without_the_extra_the_error_names_it(monkeypatch):
-    spec = importlib.util.find_spec("sumo_dist.view")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(SumoError, match=r"pip install 'sumo-dist\[view\]'"):
-        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+@pytest.fixture
+def light(monkeypatch):
+    """Nothing is installed that an extra needs."""
+
+    def nowhere(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(extras, "version", nowhere)
+
+
+def test_without_an_extra_the_error_names_it(light, short_run, tmp_path):
+    view = NEEDS.format("rerun-sdk.*", "view")
+    with pytest.raises(SumoError, match=view):
+        replay.to_rrd(short_run, tmp_path / "run.rrd")
+    with pytest.raises(SumoError, match=view):
+        replay.show(short_run, "web")
+    with pytest.raises(SumoError, match=view):
+        replay.show_file(tmp_path / "run.rrd", "web")
+    with pytest.raises(SumoError, match=view):
+        run(TracerOptions(), threading.Event())
+    with pytest.raises(SumoError, match=NEEDS.format("imageio, which.*", "film")):
+        replay.render(short_run, tmp_path / "run.mp4")

@@ -24,7 +24,9 @@ def state(tick: int, run: str = "run") -> State:
 
 
 def reply(worker: str, number: int) -> RolloutReply:
-    return RolloutReply("run", worker, number, 0, 0, 0, np.ones((4, 3)), np.ones(4, bool), 1.0, "")
+    return RolloutReply(
+        "run", worker, number, 0, 0, 0, np.ones((4, 3)), np.ones(4, bool), 1.0, "", False
+    )
 
 
 def eventually(condition, timeout: float = 15.0) -> bool:

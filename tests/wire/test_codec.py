@@ -17,6 +17,7 @@ from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
     Message,
+    NoPlan,
     PlanMessage,
     Question,
     RolloutReply,
@@ -48,6 +49,7 @@ MESSAGES = [
         RUN, 3, np.zeros(0), np.array([3, 6]), RNG.random((2, 38)),
         np.array([8]), RNG.random((1, 2, 7)),
     ),
+    NoPlan(RUN, "cost term 'mine': mine.py, line 3: ZeroDivisionError: division by zero"),
     State(RUN, 3, RNG.random(51)),
     Question(
         RUN, 0, 0, "lockstep", 1.0, RNG.random(51), np.zeros(25, np.float32), None,
@@ -66,8 +68,10 @@ MESSAGES = [
         RNG.random(51), np.zeros(25, np.float32), RNG.random(4),
         RNG.random((16, 4, 9)).astype(np.float32), 40.0,
     ),
-    RolloutReply(RUN, "w-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, ""),
-    RolloutReply(RUN, "w-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task"),
+    RolloutReply(RUN, "w-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, "", False),
+    RolloutReply(
+        RUN, "w-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task", True
+    ),
     Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
     EpisodeEnd(RUN, 700, "success", True, False),
@@ -134,7 +138,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (3, "427a975dc984bc1b"), (
+    assert (SCHEMA, digest) == (4, "661d1e6090a7f802"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 

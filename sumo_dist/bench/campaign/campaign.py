@@ -17,9 +17,11 @@ from sumo_dist.bench.layout import check_at_least, say
 from sumo_dist.bench.results.journal import Journal, Trial
 from sumo_dist.bench.results.outcomes import recording_folder
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.episode.ending import End
+from sumo_dist.errors import SumoError, TaskError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
+from sumo_dist.tasks import load_task
 from sumo_dist.wire.session import checked_endpoint
 
 
@@ -74,7 +76,7 @@ class Settings:
         return EpisodeConfig(
             task,
             seed,
-            PlannerConfig.preset(self.preset, self.optimizer).with_settings(self.set),
+            PlannerConfig.resolve(load_task(task).planner, self.preset, self.optimizer, self.set),
             estimator=self.estimator,
             time_limit=self.time_limit,
             engine=self.engine,
@@ -115,7 +117,8 @@ class Campaign:
             recordings: folder that gets a recording of each of these trials.
 
         Raises:
-            SumoError: the process of a trial died; all others were run.
+            SumoError: the process of a trial died, or its task did not load there; all others
+                were run.
         """
         todo = [
             self._job(trial, recording_folder(recordings, trial) if recordings else None)
@@ -146,6 +149,17 @@ class Campaign:
         """Rows of the trials that are done, in their order."""
         return [self._journal.rows[trial] for trial in self.trials if trial in self._journal.rows]
 
+    def check_no_faults(self) -> None:
+        """Say which trials say nothing about the planner.
+
+        Raises:
+            SumoError: some ended by a fault, such as a function of their task that raises.
+        """
+        rows = self.rows()
+        faults = [row["end_reason"] for row in rows if row["end"] == End.FAULT.value]
+        if faults:
+            raise SumoError(f"{len(faults)} of {len(rows)} trials ended by a {faults[0]}")
+
     def _settings(self, trial: Trial) -> Row:
         return {**self._common, **self._of_task.get(trial.task, {})}
 
@@ -156,7 +170,7 @@ class Campaign:
     def _run_each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
         """Yield jobs with their rows; recordings are made here, where their folder is."""
         remote = self._listen is not None and todo and not any(job.folder for job in todo)
-        began, died = time.monotonic(), 0
+        began, died, refused = time.monotonic(), 0, list[TaskError]()
         with ExitStack() as stack:
             jobs = self._jobs if remote else max(1, self._jobs)
             runners = stack.enter_context(processes(run_trial, jobs))
@@ -169,8 +183,13 @@ class Campaign:
                 if row is None:
                     died += 1
                     say(f"{place(job)}: its process died")
+                elif isinstance(row, TaskError):
+                    refused.append(row)
+                    say(f"{place(job)}: {row}")
                 else:
                     yield job, row
+        if refused:
+            raise SumoError(f"{len(refused)} trials could not be run: {refused[0]}")
         if died:
             raise SumoError(
                 f"the processes of {died} trials died (out of memory?); run again to repeat them"

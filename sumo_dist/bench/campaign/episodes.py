@@ -28,12 +28,13 @@ class Options(Settings):
 
 
 def main(options: Options) -> int:
-    """Run what the file lacks, print the table; 3 if a trial's process died."""
+    """Run what the file lacks, print the table; 3 if a trial's process died or a fault ended it."""
     tasks = dict.fromkeys(load_task(name).source for name in options.tasks.split(","))
     trials = [Trial(task, seed) for task in tasks for seed in options.seeds]
     campaign = Campaign(options, trials, options.out)
     campaign.run(options.recordings)
     print(table(campaign.rows()))
+    campaign.check_no_faults()
     return 0
 
 

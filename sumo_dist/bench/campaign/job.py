@@ -12,11 +12,11 @@ from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.command import Nobody
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.ending import Ending
+from sumo_dist.episode.ending import Ending, fault
 from sumo_dist.episode.referee import Referee
 from sumo_dist.episode.single import run_planned, run_single
 from sumo_dist.episode.summary import summarise, write_summary
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, TaskError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
@@ -25,6 +25,7 @@ from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.provenance import provenance
 from sumo_dist.record.recording import Recording
+from sumo_dist.rollout import engine_identity
 from sumo_dist.tasks import load_task
 
 Row = dict[str, Any]
@@ -60,13 +61,19 @@ def run_alone(question: tuple[str, str]) -> Row:
 
 
 def run_trial(job: Job) -> Row:
-    """Run one episode in this process and return its row."""
-    if job.trial.variant == STANDING:
-        recording, ending = run_standing(job.episode)
-    else:
-        recording, ending = run_single(job.episode, threads=1)
+    """Run one episode in this process and return its row.
+
+    Raises:
+        TaskError: the task does not load; whatever else of it raises is how the trial ended.
+    """
+    standing = job.trial.variant == STANDING
+    try:
+        run = run_standing(job.episode) if standing else run_single(job.episode, threads=1)
+    except TaskError as error:
+        run = _not_begun(job.episode, error)
+    recording, ending = run
     row = {**summarise(recording, ending), **job.settings, **outcome(job.episode, recording)}
-    if job.trial.variant == STANDING:
+    if standing:
         row["optimizer"] = "stand"
     if job.digest not in (None, row["state_digest"]):
         raise SumoError(
@@ -95,6 +102,12 @@ def run_standing(config: EpisodeConfig) -> tuple[Recording, Ending]:
     return episode.recording, run_planned(episode, stand, Nobody())
 
 
+def _not_begun(config: EpisodeConfig, error: TaskError) -> tuple[Recording, Ending]:
+    """Return what there is of an episode whose start the task cannot draw."""
+    problem = Problem.build(load_task(config.task), planning_options(config.planner))
+    return Recording(config.describe(problem, engine_identity(config.engine)[0])), fault(error)
+
+
 def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
     """Return where an episode left off.
 
@@ -102,10 +115,10 @@ def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
     all plans; the distance is that of what has a goal from it [m].
     """
     task = load_task(episode.task)
-    terms = np.array(recording.terms).reshape(len(recording.terms), -1)
+    terms = np.array(recording.terms)  # (plans, n_terms)
     names = recording.config["terms"] if terms.size else ()
     goal, distance = task.goal_position(task.table.named(episode.cost(task).parameters)), None
-    if goal is not None:
+    if goal is not None and recording.states:
         view = Referee(task, compile_model(task.scene, PLANT)).view(recording.states[-1])
         distance = round(float(np.linalg.norm(view[task.goal_frame].pos[0, 0] - goal)), 4)
     return {
@@ -120,7 +133,7 @@ def common_settings(episode: EpisodeConfig) -> Row:
     _, build = checked_engine(episode.engine)
     names = ("plant", "estimator", "weight", "param")
     given = {name: asdict(episode)[name] for name in names}
-    return {"planner": asdict(episode.planner), "engine_build": build, **_plain(given)}
+    return {"engine_build": build, **_plain(given)}
 
 
 def _plain(settings: Mapping[str, Any]) -> Row:
@@ -139,6 +152,7 @@ def task_settings(episode: EpisodeConfig) -> Row:
     problem = Problem.build(task, planning_options(episode.planner))
     return {
         "time_limit_s": episode.time_limit or task.time_limit,
+        "planner": asdict(episode.planner),
         "config_hash": episode.planner.hash(problem.hash),
     }
 

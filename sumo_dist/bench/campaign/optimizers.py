@@ -81,6 +81,8 @@ def main(options: Options) -> int:
         say(f"{cell.optimizer}, {cell.budget} rollouts a plan:")
         campaign.run()
     print(table({cell: campaign.rows() for cell, campaign in campaigns.items()}))
+    for campaign in campaigns.values():
+        campaign.check_no_faults()
     return 0
 
 

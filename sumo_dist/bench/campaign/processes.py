@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, TaskError
 
 J = TypeVar("J")
 
@@ -41,7 +41,10 @@ class Runners(Generic[J]):
         self._news.put((runner, None, None))
 
     def run_each(self, jobs: Sequence[J]) -> Iterator[tuple[J, Any]]:
-        """Yield each job with its result as it ends; a SumoError of a job is raised here."""
+        """Yield each job with its result as it ends.
+
+        A TaskError of a job is its result: other tasks go on. Any other SumoError is raised here.
+        """
         waiting, running = deque(jobs), 0
         while waiting or running:
             while waiting and self._free:
@@ -56,7 +59,7 @@ class Runners(Generic[J]):
             if isinstance(result, JobLost):
                 waiting.appendleft(job)
                 continue
-            if isinstance(result, Exception):
+            if isinstance(result, Exception) and not isinstance(result, TaskError):
                 raise result
             self._free.append(runner)
             yield job, result

@@ -47,7 +47,7 @@ class Options(Settings):
 
 
 def main(options: Options) -> int:
-    """Run what the folder lacks and print the table; 3 if a trial's process died."""
+    """Run what the folder lacks and print the table; 3 if a trial died or ended by a fault."""
     suite, tasks = options.chosen()
     trials = [
         Trial(task, seed, variant)
@@ -67,6 +67,7 @@ def main(options: Options) -> int:
         wanted = results.rows if options.recordings == "all" else results.exemplars()
         campaign.record((Trial.of(row) for row in wanted), recordings)
     print(table(results))
+    campaign.check_no_faults()
     say(f"for the page: sumo-dist bench report {shlex.quote(str(options.out))}")
     return 0
 

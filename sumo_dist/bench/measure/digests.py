@@ -17,8 +17,8 @@ from sumo_dist.bench.layout import Result, run_bench, say, table
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
 from sumo_dist.episode.single import run_single
-from sumo_dist.errors import SumoError
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.tasks import load_task
 
 EXPECTED = Path(__file__).with_name("digests.json")
 
@@ -70,11 +70,12 @@ def bits() -> str:
 def repeat(entry: Result) -> dict[str, Any]:
     """Run one entry again and compare."""
     given = {"preset": "default", "optimizer": None, "set": (), **entry["planner"]}
-    planner = PlannerConfig.preset(given["preset"], given["optimizer"]).with_settings(given["set"])
+    of_task = load_task(entry["episode"]["task"]).planner
+    planner = PlannerConfig.resolve(of_task, given["preset"], given["optimizer"], given["set"])
     episode = EpisodeConfig(planner=planner, **entry["episode"])
     recording, ending = run_single(episode, threads=1)
     if ending.kind is End.INTERRUPTED:
-        raise SumoError("interrupted: half a run says nothing of its bits")
+        raise KeyboardInterrupt  # half a run says nothing of its bits
     found = {"plan_digest": recording.plan_digest, "state_digest": recording.state_digest}
     same = all(found[key] == entry[key] for key in found)
     about = {

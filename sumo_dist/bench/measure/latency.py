@@ -6,7 +6,7 @@ planning periods later. No clock is read, so a row can be repeated to the last b
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,13 @@ from sumo_dist.episode.follow import Follower
 from sumo_dist.errors import SumoError
 from sumo_dist.estimate import make_estimator
 from sumo_dist.planner.compensate import roll_forward
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner
 from sumo_dist.provenance import cores
 from sumo_dist.rollout.interface import Engine
+from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK, anchor_tick, plan_due
 
 PERIOD_MS = 50  # between plans, on average
@@ -75,13 +77,12 @@ def main(options: Options) -> int:
 def measure(options: Options) -> Result:
     """Run every delay with every seed, in processes of their own."""
     about = {**options.about(), "plant": options.plant}
+    planner = PlannerConfig.resolve(load_task(options.task).planner)
+    episode = EpisodeConfig(
+        options.task, planner=planner, time_limit=options.time_limit, plant=options.plant
+    )
     trials = [
-        DelayedTrial(
-            EpisodeConfig(options.task, seed, time_limit=options.time_limit, plant=options.plant),
-            *kind,
-        )
-        for seed in options.seeds
-        for kind in KINDS
+        DelayedTrial(replace(episode, seed=seed), *kind) for seed in options.seeds for kind in KINDS
     ]
     ends = []
     with processes(run, options.jobs or cores()) as runners:

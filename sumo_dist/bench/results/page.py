@@ -2,10 +2,13 @@
 
 import base64
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import jinja2
+from markupsafe import Markup
+
+from sumo_dist.bench.results import charts
 from sumo_dist.bench.results.outcomes import Results, Row, TaskResult
 from sumo_dist.bench.results.stats import ALPHA, fisher
 from sumo_dist.bench.results.tables import (
@@ -17,18 +20,6 @@ from sumo_dist.bench.results.tables import (
     motion_lines,
     table_line,
 )
-from sumo_dist.errors import SumoError
-
-if missing := [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]:
-    raise SumoError(
-        f"a report needs {' and '.join(missing)}, which is not installed: "
-        "pip install 'sumo-dist[bench]'"
-    )
-
-import jinja2
-from markupsafe import Markup
-
-from sumo_dist.bench.results import charts
 
 WORDS = ("task", "ended by", "last plan's costs")  # columns that are not aligned as numbers
 ABOUT = {"code": "sumo_dist", "MuJoCo": "mujoco", "Python": "python", "machine": "machine"}

@@ -10,6 +10,7 @@ from sumo_dist.bench.layout import say
 from sumo_dist.bench.results.outcomes import Results
 from sumo_dist.bench.results.tables import text
 from sumo_dist.errors import SumoError
+from sumo_dist.extras import need
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.rows import Rows
 
@@ -29,7 +30,8 @@ def main(options: Options) -> int:
     """Write report.md and report.html into the folder."""
     results = Results.load(options.folder)
     write(options.folder / "report.md", text(results))
-    from sumo_dist.bench.results.page import page  # needs the bench extra
+    need("bench", "the page of a report")
+    from sumo_dist.bench.results.page import page
 
     write(options.folder / "report.html", page(results, strips(results)))
     return 0
@@ -66,6 +68,6 @@ def strips(results: Results) -> dict[str, bytes]:
 
 def draw(recording: Path, picture: Path) -> None:
     """Write a strip of pictures of a recording, too small to show the candidates."""
-    from sumo_dist.view import replay  # needs the view extra
+    from sumo_dist.view import replay
 
     replay.render(replace(Recording.load(recording), traces=Rows()), picture)

@@ -10,7 +10,8 @@ import pytest
 
 from sumo_dist.bench.campaign.processes import JobLost, processes
 from sumo_dist.bench.layout import checked_engine
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import TaskError, UsageError
+from sumo_dist.tasks import load_task
 
 # A process imports what it runs by name, so the jobs here are functions that any of them has.
 
@@ -49,6 +50,13 @@ def test_a_process_that_dies_is_told():
 def test_an_error_on_purpose_is_raised_here():
     with pytest.raises(UsageError, match="unknown engine 'diesel'; valid: auto"):
         each(checked_engine, ["diesel"])
+
+
+def test_the_error_of_a_task_is_what_came_of_its_job(tmp_path):
+    (tmp_path / "bad.py").write_text("raise ValueError('no')\n")
+    ((_, result),) = each(load_task, [str(tmp_path / "bad.py")])
+    assert isinstance(result, TaskError)
+    assert "bad.py, line 1: ValueError: no" in str(result)
 
 
 def test_a_lost_job_is_done_by_another_and_the_loser_gets_no_more():
