@@ -19,7 +19,9 @@ class Options:
     Attributes:
         run: folder that a run was written to.
         viewer: show it in Rerun: native or web.
-        render: write a film to this file instead, .mp4 or .gif, or a strip of pictures, .jpg.
+        render: write a film to this file instead, .mp4, .gif or .webp, or a strip of pictures as
+            .jpg.
+        save: write what the viewer shows to this file instead, .rrd.
         repeat: run it again in this process, with the commands that it was given, and say whether
             plans and states are the same to the last bit.
     """
@@ -27,11 +29,12 @@ class Options:
     run: Annotated[Path, tyro.conf.Positional]
     viewer: str = "web"
     render: Path | None = None
+    save: Path | None = None
     repeat: bool = False
 
 
 def main(options: Options) -> int:
-    """Show, render or repeat."""
+    """Show, render, save or repeat."""
     recording = Recording.load(options.run / "run.npz")
     if options.repeat:
         return _repeat(recording)
@@ -41,13 +44,27 @@ def main(options: Options) -> int:
         if options.render.suffix not in replay.FILMS:
             valid = ", ".join(replay.FILMS)
             raise UsageError(f"cannot render {options.render.name}; valid endings: {valid}")
-        replay.render(recording, options.render)
+        replay.render(recording, _in_its_folder(options.render))
         print(f"wrote {options.render}")
+    elif options.save is not None:
+        if options.save.suffix != ".rrd":
+            raise UsageError(f"cannot save {options.save.name}; valid endings: .rrd")
+        replay.to_rrd(recording, _in_its_folder(options.save))
+        print(f"wrote {options.save}")
     elif (trace := options.run / "run.rrd").exists():  # has the candidates of a distributed run
         replay.show_file(trace, options.viewer)
     else:
         replay.show(recording, options.viewer)
     return 0
+
+
+def _in_its_folder(path: Path) -> Path:
+    """Make the folder of a file that is to be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to {path.parent}: {error.strerror}") from None
+    return path
 
 
 def _repeat(recording: Recording) -> int:

@@ -44,6 +44,8 @@ class Options:
             and command link that the planner knows nothing of.
         time_limit: robot time [s]; the task's own by default.
         viewer: web, native or none.
+        rrd: write run.rrd with `--viewer none` too; `sumo-dist replay RUN --save` can do so later,
+            but has the candidates of a run by services only if they were traced.
         out: folder for summary.json, run.npz and run.rrd.
         set: planner settings as key=value; `sumo-dist list` names all.
         weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
@@ -69,6 +71,7 @@ class Options:
     plant: str = "nominal"
     time_limit: float | None = None
     viewer: str = "web"
+    rrd: bool = False
     out: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -110,12 +113,13 @@ def main(options: Options) -> int:
     episode, out = options.episode(), options.folder()
     _prepare(episode)
     _make_folder(out)
+    traced = (options.rrd or options.viewer != "none") and _has_view()
     if workers == 0:
-        code = _single(episode, threads, out)
+        code = _single(episode, threads, out, traced)
     else:
         from sumo_dist.launch.deployment import Deployment, run_distributed
 
-        viewer = options.viewer if _has_view() else None
+        viewer = options.viewer if traced else None
         deployment = Deployment(
             episode,
             workers,
@@ -130,6 +134,7 @@ def main(options: Options) -> int:
         code = run_distributed(deployment, options.listen)
     last = _last_episode(out)
     print(f"{one_line(read_summary(last))}; in {last}")
+    _say(f"see it again: sumo-dist replay {last}")
     return code
 
 
@@ -183,13 +188,13 @@ def _has_view() -> bool:
     return not reasons
 
 
-def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
+def _single(episode: EpisodeConfig, threads: int, out: Path, traced: bool) -> int:
     from sumo_dist.episode.single import run_single
 
     terms = [term.name for term in load_task(episode.task).cost]
     recording, ending = run_single(episode, threads, Progress(terms, _say))
     keep(recording, ending, out)
-    if _has_view():
+    if traced:
         from sumo_dist.view import replay
 
         try:
