@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not
     from sumo_dist.view.viewers import Viewer
 
 BACKLOG = 2000  # messages; some ten seconds of a run
+QUESTIONS = 50  # of which state and memory are kept until the plan is there
 PATIENCE = 4  # plans by which candidates' paths may lag behind their costs
 
 SHOWN = (
@@ -166,10 +167,19 @@ def _assemble(rollouts: int, shards: list[Traces]) -> tuple[np.ndarray, np.ndarr
 class Tracer:
     """Turns messages into what is seen; each episode gets a logger of its own."""
 
-    def __init__(self, open_logger: Callable[[EpisodeInfo], "RunLogger"]) -> None:
-        """Start with no episode; `open_logger` returns where one is written, and ends the last."""
+    def __init__(
+        self,
+        open_logger: Callable[[EpisodeInfo], "RunLogger"],
+        out: Path | None = TracerOptions.out,
+    ) -> None:
+        """Start with no episode.
+
+        Args:
+            open_logger: returns where an episode is written, and ends the last.
+            out: folder of the run.
+        """
         self.ended = False
-        self._open_logger = open_logger
+        self._open_logger, self._out = open_logger, out
         self._logger: RunLogger | None = None
         self._run = ""
         self._workers: set[Member] = set()
@@ -180,6 +190,7 @@ class Tracer:
         """Expect an episode of whose plans the last of some iterations is shown."""
         self._iterations = iterations
         self._candidates = Candidates()
+        self._questions = deque[Question](maxlen=QUESTIONS)
         self._tick = -1
         self._plan = -1
         self._budget_ms = PLAN_PERIOD * 1e3
@@ -218,23 +229,26 @@ class Tracer:
             return
         self.flush()
         self._run, self._logger, self.ended = info.run, None, False
+        self._folder = _folder(self._out, info)
         self._begin(EpisodeConfig.from_json(info.config).planner.iterations)
         self._logger = self._open_logger(info)
+        self._logger.log_workers(0, len(self._workers))
 
     def _show_message(self, logger: "RunLogger", item: Message) -> None:
         match item:
             case State() if item.tick > self._tick:
                 self._tick = item.tick
-                logger.log_state(item.tick, item.state)
+                logger.log_state(item.tick, item.state, time.monotonic())
             case Question():
+                self._questions.append(item)
                 realtime = item.clock == "realtime" and item.speed > 0
                 self._budget_ms = PLAN_PERIOD * 1e3 / (item.speed if realtime else 1.0)
             case PlanMessage() if item.plan.number != self._plan:  # in lockstep, some come twice
                 self._plan = item.plan.number
                 logger.log_plan(item.report, self._budget_ms)
-                logger.log_workers(item.plan.tick, len(self._workers))
                 self._candidates.add_plan(item.report)
                 self._show_candidates(logger)
+                self._show_ghost(logger, item.report)
             case Traces() if item.iteration == self._iterations - 1:
                 self._candidates.add_shard(item)
                 self._show_candidates(logger)
@@ -246,8 +260,11 @@ class Tracer:
             case Health():
                 for name, value in item.counters.items():
                     logger.log_health(max(self._tick, 0), item.source, name, value)
+                if item.source == "robot":
+                    logger.log_mode(max(self._tick, 0), item.mode)
             case WorkerHealth():
-                logger.log_pace(max(self._tick, 0), item.worker, item.rollouts_per_s)
+                told = item.worker, item.state, item.rollouts_per_s
+                logger.log_worker(max(self._tick, 0), *told)
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
             case Ack():
@@ -256,11 +273,20 @@ class Tracer:
             case EpisodeEnd():
                 level = "info" if item.success else "warning"
                 self._event(level, f"the run has ended: {item.reason}")
+                again = f"sumo-dist replay {self._folder}"
+                logger.log_end(max(self._tick, 0), item.reason, again)
                 self.ended = item.last
 
     def _show_candidates(self, logger: "RunLogger") -> None:
         for report, costs, paths in self._candidates.ready():
             logger.log_candidates(report.plan.tick, costs, paths)
+
+    def _show_ghost(self, logger: "RunLogger", report: PlanReport) -> None:
+        """Show where a plan leads, if the question that it answers was heard."""
+        for question in self._questions:
+            if question.tick == report.plan.tick:
+                logger.log_ghost(report, question.tick, question.state, question.memory)
+                return
 
     def _presence(self, item: Presence) -> None:
         if item.alive:
@@ -307,15 +333,22 @@ def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> N
         def open_logger(info: EpisodeInfo) -> RunLogger:
             episode.close()
             config = EpisodeConfig.from_json(info.config)
-            folder = episode_folder(options.out or by_hand(info.run), info.number)
+            folder = _folder(options.out, info)
             folder.mkdir(parents=True, exist_ok=True)
             file = RrdFile(_unused(folder), _log.warning)
             out = episode.enter_context(Outputs(info.run, file, url))
-            return RunLogger(out, load_task(config.task), config, distributed=True)
+            logger = RunLogger(out, load_task(config.task), config, distributed=True)
+            episode.callback(logger.close)
+            return logger
 
-        _follow(Tracer(open_logger), backlog, viewer, stop, options.linger)
+        _follow(Tracer(open_logger, options.out), backlog, viewer, stop, options.linger)
         if backlog.dropped:
             _log.warning("too slow for the run: %d messages are not shown", backlog.dropped)
+
+
+def _folder(out: Path | None, info: EpisodeInfo) -> Path:
+    """Where the files of a session's episode are."""
+    return episode_folder(out or by_hand(info.run), info.number)
 
 
 def _unused(folder: Path) -> Path:

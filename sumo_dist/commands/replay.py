@@ -22,7 +22,9 @@ class Options:
     Attributes:
         run: folder that a run was written to; by default the newest below runs/.
         viewer: show it in Rerun: native or web.
-        render: write a film to this file instead, .mp4 or .gif, or a strip of pictures, .jpg.
+        render: write a film to this file instead, .mp4, .gif or .webp, or a strip of pictures as
+            .jpg.
+        save: write what the viewer shows to this file instead, .rrd.
         repeat: run it again in this process, with the commands that it was given, and say whether
             plans and states are the same to the last bit.
     """
@@ -30,11 +32,12 @@ class Options:
     run: Annotated[Path | None, tyro.conf.Positional] = None
     viewer: str = "web"
     render: Path | None = None
+    save: Path | None = None
     repeat: bool = False
 
 
 def main(options: Options) -> int:
-    """Show, render or repeat."""
+    """Show, render, save or repeat."""
     folder = options.run or _newest()
     if folder.name == RECORDING:
         folder = folder.parent
@@ -48,8 +51,13 @@ def main(options: Options) -> int:
         if options.render.suffix not in replay.FILMS:
             valid = ", ".join(replay.FILMS)
             raise UsageError(f"cannot render {options.render.name}; valid endings: {valid}")
-        replay.render(recording, options.render)
+        replay.render(recording, _in_its_folder(options.render))
         print(f"wrote {options.render}")
+    elif options.save is not None:
+        if options.save.suffix != ".rrd":
+            raise UsageError(f"cannot save {options.save.name}; valid endings: .rrd")
+        replay.to_rrd(recording, _in_its_folder(options.save))
+        print(f"wrote {options.save}")
     elif (trace := folder / "run.rrd").exists():  # has the candidates of a distributed run
         replay.show_file(trace, options.viewer)
     else:
@@ -63,6 +71,15 @@ def _newest() -> Path:
         raise UsageError(f"no run below {RUNS.absolute()}: name the folder of one")
     say(f"the newest run: {folder}")
     return folder
+
+
+def _in_its_folder(path: Path) -> Path:
+    """Make the folder of a file that is to be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to {path.parent}: {error.strerror}") from None
+    return path
 
 
 def _repeat(recording: Recording) -> int:

@@ -46,6 +46,8 @@ class Options:
             and command link that the planner knows nothing of.
         time_limit: robot time [s]; the task's own by default.
         viewer: web, native or none.
+        rrd: write run.rrd with `--viewer none` too; `sumo-dist replay RUN --save` can do so later,
+            but has the candidates of a run by services only if they were traced.
         out: folder for summary.json, run.npz and run.rrd; by default a new one below runs/.
         set: planner settings as key=value; `sumo-dist list` names all.
         weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
@@ -74,6 +76,7 @@ class Options:
     plant: str = "nominal"
     time_limit: float | None = None
     viewer: str = "web"
+    rrd: bool = False
     out: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -110,17 +113,19 @@ def main(options: Options) -> int:
         raise unknown("viewer", options.viewer, VIEWERS)
     episode = options.episode()
     _prepare(episode)
+    traced = (options.rrd or options.viewer != "none") and _has_view()
     with run_folder(options.out, _default_folder(episode)) as out:
         try:
             if workers == 0:
-                code = _single(episode, threads, out)
+                code = _single(episode, threads, out, traced)
             else:
-                code = _distributed(options, episode, workers, threads, out)
+                code = _distributed(options, episode, workers, threads, out, traced)
         except KeyboardInterrupt:  # what has begun is kept by now
             code = INTERRUPTED
         last = last_episode(out)
         if code != INTERRUPTED or has_summary(last):
             say(f"{one_line(read_summary(last))}; in {last}", sys.stdout)
+            say(f"see it again: sumo-dist replay {last}")
     return code
 
 
@@ -159,13 +164,13 @@ def _has_view() -> bool:
 
 
 def _distributed(
-    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path
+    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path, traced: bool
 ) -> int:
     from sumo_dist.launch.deployment import Deployment, run_distributed
 
     deployment = Deployment(
         *(episode, workers, threads, out),
-        viewer=options.viewer if _has_view() else None,
+        viewer=options.viewer if traced else None,
         speed=_speed(options),
         wait=options.wait,
         resume_wait=options.resume_wait,
@@ -175,14 +180,14 @@ def _distributed(
     return run_distributed(deployment, options.listen)
 
 
-def _single(episode: EpisodeConfig, threads: int, out: Path) -> int:
+def _single(episode: EpisodeConfig, threads: int, out: Path, traced: bool) -> int:
     from sumo_dist.episode.single import run_single
 
     terms = [term.name for term in load_task(episode.task).cost]
     recording, ending = run_single(episode, threads, Progress(terms, say))
     with uninterrupted():
         keep(recording, ending, out)
-    if _has_view():
+    if traced:
         from sumo_dist.view import replay
 
         try:

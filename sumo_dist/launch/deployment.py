@@ -80,6 +80,9 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         "connect": endpoint,
         "robot": load_task(episode.task).scene.robot.name,
     }
+    if deployment.viewer is not None:  # first: it has most to load before it shows anything
+        tracer = serve.Tracer(out=deployment.out, viewer=deployment.viewer, **bus)
+        yield Service("tracer", "tracer", tracer, vital=False)
     yield Service("state-estimator", "state-estimator", serve.Estimator(**bus))
     yield Service("optimizer", "optimizer", serve.Optimizer(engine=episode.engine, **bus))
     for i in range(deployment.workers):
@@ -91,9 +94,6 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
             **bus,
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
-    if deployment.viewer is not None:
-        tracer = serve.Tracer(out=deployment.out, viewer=deployment.viewer, **bus)
-        yield Service("tracer", "tracer", tracer, vital=False)
     robot = serve.Robot(
         episode=episode,
         out=deployment.out,

@@ -4,6 +4,17 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.tasks.task import Task
 from sumo_dist.view.marks import elite_count
 
+_BEYOND_LATIN = "‐–—‘’“”•…→≤≥±°×·"  # signs that are told without a loss
+
+
+def legible(text: str) -> str:
+    """Replace what the viewer has no letters for.
+
+    Its one font has no emoji and no Asian letters, and Rerun's native viewer ends when it meets
+    one; a task's name, a cost term or an error may have any.
+    """
+    return "".join(c if ord(c) < 0x180 or c in _BEYOND_LATIN else "?" for c in text)
+
 
 def scene(task: Task, episode: EpisodeConfig) -> str:
     """Explain the 3D view, as Markdown."""
@@ -23,6 +34,7 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
 - **thin lines**: where {trails} go in each future, from cheap
   (yellow) over green and blue to expensive (violet)
 - **white lines**: the {best}
+- **pale twin**, and pale line on the floor: where the plan ends, and the robot's way there
 {goal}- **{ways} on the floor**: the way of {whose} so far
 """
 

@@ -3,58 +3,65 @@
 from collections.abc import Sequence
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
-from sumo_dist.view.marks import eye_azimuth
+from sumo_dist.view.about import legible
 from sumo_dist.view.outputs import TIMELINE
+from sumo_dist.view.plots import Plot
 
-_ELEVATION = np.deg2rad(28.0)  # of the eye, seen from its target
+PLOT_S = 6.0  # of robot time shown in plots, up to the cursor
+LEGEND_S = 3.0  # left of it, where the legend is: as wide as some 20 letters
+
+_TITLE_AND_AXIS = 3  # height of a plot besides its legend, in lines of a legend
 _BACKGROUND = (18, 20, 25)
 
 
 def layout(
-    points: np.ndarray, movers: Sequence[str], goal: tuple[str, float] | None, distributed: bool
+    eye: np.ndarray, target: np.ndarray, movers: Sequence[str], plots: Sequence[Plot], live: bool
 ) -> rrb.Blueprint:
     """Arrange the views.
 
     Args:
-        points: (N, 3) what the eye should take in at the start, the robot first, world [m].
+        eye, target: (3,) from where the scene is looked at, and what is in the middle, world [m].
         movers: what the robot moves.
-        goal: what should come to the goal, and its distance at the start [m], if there is a goal.
-        distributed: there are rollout workers to watch.
+        plots: from top to bottom; a plot is the higher the more lines its legend has.
+        live: the run goes on: the viewer follows it; else it plays from the start.
     """
-    plots: list[rrb.View | rrb.Container] = [
-        _plot("cost", "Cost of the candidate plans"),
-        _plot("terms", "Cost terms of the current plan"),
-        _plot("timing", "Planning time and plan age [ms]"),
-    ]
-    if goal is not None:
-        name, distance = goal
-        plots.insert(0, _plot("task", f"{name.capitalize()} to goal [m]", (0.0, 1.2 * distance)))
-    if distributed:
-        pace = _plot("pace", "Rollouts per second of each worker")
-        plots.append(rrb.Tabs(_plot("workers", "Rollout workers"), pace))
+    verdict = rrb.TextDocumentView(origin="verdict", name="How it goes")
     scene = rrb.TextDocumentView(origin="about/scene", name="What you see")
     cost = rrb.TextDocumentView(origin="about/cost", name="What a plan costs")
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     events = rrb.TextLogView(origin="events", name="Events", columns=columns)
     left = rrb.Vertical(
-        _scene(points, movers),
+        verdict,
+        _scene(eye, target, movers),
         rrb.Horizontal(scene, cost, events, column_shares=[5, 3, 4]),
-        row_shares=[9, 4],
+        row_shares=[3, 18, 9],
+    )
+    rows: list[list[Plot]] = []
+    for plot in plots:
+        if plot.beside:
+            rows[-1].append(plot)
+        else:
+            rows.append([plot])
+    right = rrb.Vertical(
+        *[rrb.Horizontal(*map(_plot, row)) if len(row) > 1 else _plot(row[0]) for row in rows],
+        row_shares=[_TITLE_AND_AXIS + max(2, len(row[0].lines)) for row in rows],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 2]),
+        rrb.Horizontal(left, right, column_shares=[5, 2]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),  # a live run follows, a file plays
+        rrb.TimePanel(
+            state="collapsed", timeline=TIMELINE, play_state="following" if live else "playing"
+        ),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _scene(points: np.ndarray, movers: Sequence[str]) -> rrb.Spatial3DView:
-    eye, target = frame(points)
+def _scene(eye: np.ndarray, target: np.ndarray, movers: Sequence[str]) -> rrb.Spatial3DView:
     things = ", ".join(["Robot", *movers])
     return rrb.Spatial3DView(
         origin="world",
@@ -67,24 +74,21 @@ def _scene(points: np.ndarray, movers: Sequence[str]) -> rrb.Spatial3DView:
     )
 
 
-def frame(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return an eye (3,) and its target (3,) that show points (N, 3), the robot first [m]."""
+def frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return a target (3,) and an eye's distance from it that show points (N, 3) [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
-    target = (low + high) / 2
-    distance = 1.5 + 0.7 * float(np.linalg.norm(high - low))
-    azimuth = np.deg2rad(eye_azimuth(points[0], target))
-    direction = [
-        np.cos(_ELEVATION) * np.cos(azimuth),
-        np.cos(_ELEVATION) * np.sin(azimuth),
-        np.sin(_ELEVATION),
-    ]
-    return target + distance * np.array(direction), target
+    return (low + high) / 2, 1.5 + 0.7 * float(np.linalg.norm(high - low))
 
 
-def _plot(origin: str, name: str, span: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+def _plot(plot: Plot) -> rrb.TimeSeriesView:
+    """Show the last PLOT_S of a plot, beside them room for the legend: it covers nothing."""
+    now = rr.TimeRangeBoundary.cursor_relative()
+    left = rr.TimeRangeBoundary.cursor_relative(seconds=-PLOT_S - LEGEND_S)
+    first = rr.TimeRangeBoundary.cursor_relative(seconds=-PLOT_S)
     return rrb.TimeSeriesView(
-        origin=f"plots/{origin}",
-        name=name,
+        origin=f"plots/{plot.origin}",
+        name=legible(plot.title),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
-        axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=left, end=now)),
+        time_ranges=[rrb.VisibleTimeRange(TIMELINE, start=first, end=now)],
     )

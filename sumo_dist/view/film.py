@@ -1,7 +1,9 @@
-"""The process that draws a recording as a film; see replay.render."""
+"""The processes that draw a recording as a film; see replay.render."""
 
+import multiprocessing
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,18 +14,44 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sumo_dist.episode.referee import Referee
+from sumo_dist.provenance import cores
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
 from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK
-from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, eye_azimuth, goal_rings, ranked, way_colors
+from sumo_dist.view.eye import Shot, clearest_azimuth
+from sumo_dist.view.marks import (
+    ELITE,
+    GOAL,
+    ON_FLOOR,
+    SHOWN,
+    TRACE_POINTS,
+    eye_azimuth,
+    goal_rings,
+    ranked,
+    thinned,
+    way_colors,
+)
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
 
-FPS = {".mp4": 25.0, ".gif": 12.5}
-SIZE = {".mp4": (960, 544), ".gif": (640, 360), ".jpg": (560, 350)}  # [pixels], halved in strips
+FPS = {".mp4": 50.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
+_SMALL = 640, 360
+SIZE = {
+    ".mp4": (960, 544),
+    ".gif": _SMALL,
+    ".webp": _SMALL,
+    ".jpg": (560, 350),
+}  # [pixels], halved in strips
 
 _FOLLOW_S = 3.0  # the camera's path is averaged over this long
 _ELEVATION = -24.0  # of the line of sight [deg]
+_SHOTS = 12  # of the run that the camera's side is chosen by
+_SHADOW_REACH = 4.5  # of the camera's surroundings, in extents of the model
+_LIGHT_AWAY = 2.0  # of lights from what is looked at: further off, the far floor is speckled [m]
+_SHADOW_PIXELS = 4096  # across them, 7 mm each
+_SAMPLES = 2  # of each pixel; twice as many take a third longer
+_AHEAD = 4  # frames that each process may have drawn before they are written
+
 _TRAIL_TICKS = 10  # between points of a trail
 
 _LIGHT = 1.6  # how bright the scene's lights make a line
@@ -43,18 +71,33 @@ class _Artist:
         plans = recording.parameters or [episode(recording).cost(task).parameters]
         self._goals = [task.goal_position(table.named(numbers)) for numbers in plans]
         self._model = world.model
-        self._model.vis.quality.shadowsize = 2048  # half as sharp, for drawing without a GPU
+        self._model.vis.quality.shadowsize = _SHADOW_PIXELS
+        self._model.vis.quality.offsamples = _SAMPLES
+        self._model.vis.map.shadowclip = _SHADOW_REACH
         self._data = mujoco.MjData(self._model)
         self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])
         self._trails = _trails(task, self._model, recording.states)
         self._lookat, self._distance = _camera_path([*self._trails.values()], self._goals[0])
         self._camera = mujoco.MjvCamera()
-        robot = next(iter(self._trails.values()))[0]
-        self._camera.azimuth = eye_azimuth(robot, self._lookat[0]) + 180.0
+        self._camera.azimuth = self._clearest_side(task.scene.robot.base) + 180.0
         self._camera.elevation = _ELEVATION
         self._planner = episode(recording).planner
         ticks = np.arange(len(recording.states))
         self._plans = np.searchsorted(recording.plan_ticks, ticks, side="right") - 1  # followed
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+    def _clearest_side(self, base: str) -> float:
+        robot, states = next(iter(self._trails.values()))[0], self._recording.states
+        ticks = thinned(len(states), _SHOTS)
+        shots = [
+            Shot(states[tick][: self._model.nq], self._lookat[tick], self._distance[tick])
+            for tick in map(int, ticks)
+        ]
+        preferred = eye_azimuth(robot, self._lookat[0])
+        return clearest_azimuth(self._model, base, shots, -_ELEVATION, preferred)
 
     def draw(self, tick: int) -> np.ndarray:
         """Return the picture at a tick, (height, width, 3) uint8."""
@@ -63,6 +106,7 @@ class _Artist:
         self._camera.lookat[:] = self._lookat[tick]
         self._camera.distance = self._distance[tick]
         self._renderer.update_scene(self._data, self._camera)
+        self._follow_with_lights()
         goal = self._goals[max(0, self._plans[tick])]
         if goal is not None:
             for ring in goal_rings(goal):
@@ -74,12 +118,19 @@ class _Artist:
             self._draw_candidates(self._plans[tick])
         return self._renderer.render()
 
+    def _follow_with_lights(self) -> None:
+        """Move the lights along: shadows are drawn around a light's place, sharper the nearer."""
+        scene = self._renderer.scene
+        for light in scene.lights[: scene.nlight]:
+            light.pos = self._camera.lookat - _LIGHT_AWAY * np.array(light.dir)
+
     def _draw_candidates(self, plan: int) -> None:
         traces = self._recording.traces[plan]
         elites, others, shades = ranked(self._recording.costs[plan], self._planner)
-        for i, shade in zip(others, shades, strict=True):
-            for path in traces[i]:
-                self._draw_line(path, shade, 1.5)
+        points = thinned(traces.shape[2], TRACE_POINTS)
+        for i in thinned(len(others), SHOWN):
+            for path in traces[others[i]][:, points]:
+                self._draw_line(path, shades[i], 1.5)
         for path in traces[elites].reshape(-1, *traces.shape[2:]):
             self._draw_line(path, ELITE, 3.0)
 
@@ -124,6 +175,39 @@ def _smoothed(path: np.ndarray) -> np.ndarray:
     return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
 
 
+_SETTINGS: dict[str, dict[str, Any]] = {
+    ".mp4": {"quality": 7},
+    ".gif": {"loop": 0},
+    ".webp": {"loop": 0, "quality": 25, "method": 6},
+}
+_artists: list[_Artist] = []  # the one of a process that draws some of the frames
+
+
+def _hire(source: Path, size: tuple[int, int]) -> None:
+    _artists.append(_Artist(Recording.load(source), size))
+
+
+def _drawn(tick: int) -> np.ndarray:
+    return _artists[0].draw(tick)
+
+
+def _frames(source: Path, size: tuple[int, int], ticks: Sequence[int]) -> Iterator[np.ndarray]:
+    """Yield the pictures at some ticks, (height, width, 3) uint8, drawn by a process a core."""
+    os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's renderer on the CPU: the cores are taken
+    workers = max(1, min(cores(), len(ticks) // _AHEAD))
+    with multiprocessing.get_context("spawn").Pool(workers, _hire, (source, size)) as pool:
+        room = multiprocessing.BoundedSemaphore(workers * _AHEAD)
+
+        def admitted() -> Iterator[int]:
+            for tick in ticks:
+                room.acquire()
+                yield tick
+
+        for picture in pool.imap(_drawn, admitted()):
+            room.release()
+            yield picture
+
+
 def _draw_film(source: Path, path: Path) -> int:
     """Draw a recording; the exit code is NO_GRAPHICS if there is nothing to draw with."""
     recording = Recording.load(source)
@@ -135,12 +219,12 @@ def _draw_film(source: Path, path: Path) -> int:
     if path.suffix == ".jpg":
         imageio.imwrite(path, _strip(artist, len(recording.states)), quality=70)
         return 0
-    settings: dict[str, Any] = {"quality": 7} if path.suffix == ".mp4" else {"loop": 0}
+    artist.close()
     ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))
-    writer: Any = imageio.get_writer(path, fps=FPS[path.suffix], **settings)
+    writer: Any = imageio.get_writer(path, fps=FPS[path.suffix], **_SETTINGS[path.suffix])
     with writer as film:
-        for i, tick in enumerate(ticks):
-            film.append_data(artist.draw(tick))
+        for i, picture in enumerate(_frames(source, SIZE[path.suffix], ticks)):
+            film.append_data(picture)
             if i % 100 == 99:
                 sys.stdout.write(f"frame {i + 1} of {len(ticks)}\n")
                 sys.stdout.flush()

@@ -9,11 +9,14 @@ Color = tuple[int, int, int]
 
 ELITE: Color = (255, 255, 255)
 GOAL: Color = (64, 224, 140)
+GHOST: Color = (170, 200, 255)
 _ROBOT: Color = (96, 190, 255)
 _OBJECTS: tuple[Color, ...] = ((255, 138, 60), (222, 184, 96), (226, 110, 140), (176, 150, 230))
 ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]
 
 _AZIMUTH = -55.0  # [deg]
+SHOWN = 32  # candidates at most, of all ranks, besides the elites
+TRACE_POINTS = 13  # of a shown candidate's path; elites have all
 _RING_RADII = (0.1, 0.25, 0.4)  # [m]
 
 # Viridis at equal steps: perceptually uniform, legible in grey and to the colour-blind.
@@ -89,3 +92,8 @@ def ranked(costs: np.ndarray, planner: PlannerConfig) -> tuple[np.ndarray, np.nd
     steps = np.arange(len(_VIRIDIS))
     channels = [np.interp(at, steps, channel) for channel in _VIRIDIS.T]
     return order[:count], order[count:][::-1], np.stack(channels, axis=1).round().astype(np.uint8)
+
+
+def thinned(count: int, most: int) -> np.ndarray:
+    """Return indices, evenly spread, of at most so many of a number of things."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(int)

@@ -26,10 +26,11 @@ class LiveServer:
         url: its address.
     """
 
-    def __init__(self, port: int) -> None:
-        """Serve on a port until closed."""
-        self._stream = rr.RecordingStream(APPLICATION)
-        self.url: str = self._stream.serve_grpc(grpc_port=port, server_memory_limit=SERVER_MEMORY)
+    def __init__(self, port: int, memory: str = SERVER_MEMORY) -> None:
+        """Serve on a port until closed; what does not fit into the memory is dropped."""
+        # Without properties it is no recording of its own that viewers would list.
+        self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
+        self.url: str = self._stream.serve_grpc(grpc_port=port, server_memory_limit=memory)
 
     def __enter__(self) -> Self:
         return self

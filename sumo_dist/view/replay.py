@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +20,15 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
 
-FILMS = (".gif", ".jpg", ".mp4")
+if TYPE_CHECKING:
+    from sumo_dist.view.outputs import Outputs
+    from sumo_dist.view.run_logger import RunLogger
+    from sumo_dist.view.viewers import Viewer
+
+FILMS = (".gif", ".jpg", ".mp4", ".webp")
 STRIP = 6  # pictures in a strip
 NO_GRAPHICS = 10  # exit code of the drawing process when there is nothing to draw with
+REPLAY_MEMORY = "1GB"  # of a recording that is shown while it is read
 CANDIDATES_LIMIT = 60_000_000  # [bytes]
 
 
@@ -44,25 +52,43 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
     need("view", "Rerun's file of a run")
     from sumo_dist.view.outputs import Outputs
     from sumo_dist.view.rrd_file import RrdFile
-    from sumo_dist.view.run_logger import RunLogger
 
-    config, troubles = episode(recording), list[str]()
-    world = World.of(recording)
+    troubles = list[str]()
     size = sum(traces.nbytes for traces in recording.traces)
-    stride = max(1, -(-size // candidates_limit))
     with Outputs(path.parent.name, RrdFile(path, troubles.append)) as out:
-        logger = RunLogger(out, world.task, config, distributed=False, model=world.model)
-        for tick, state in enumerate(recording.states):
-            logger.log_state(tick, state)
-        for i, report in enumerate(reports(recording)):
-            logger.log_plan(report)
-            if i % stride == 0 and recording.traces:
-                logger.log_candidates(report.plan.tick, recording.costs[i], recording.traces[i])
-        ending = f"the run has ended: {recording.ending}" if recording.ending else "it ends here"
-        logger.log_event(len(recording.states) - 1, "info", ending)
-        logger.flush()
+        _log(recording, out, stride=max(1, -(-size // candidates_limit)))
     if troubles:
         raise SumoError(troubles[0])
+
+
+def _log(recording: Recording, out: "Outputs", stride: int = 1) -> None:
+    """Log a recording in the order of time, the candidates of every `stride`-th plan."""
+    from sumo_dist.view.run_logger import RunLogger
+
+    config = episode(recording)
+    world = World.of(recording)
+    with closing(
+        RunLogger(out, world.task, config, distributed=False, model=world.model)
+    ) as logger:
+        _log_run(recording, logger, stride)
+
+
+def _log_run(recording: Recording, logger: "RunLogger", stride: int) -> None:
+    plans = deque(enumerate(reports(recording)))
+    for tick, state in enumerate(recording.states):
+        logger.log_state(tick, state)
+        while plans and plans[0][1].plan.tick <= tick:
+            i, report = plans.popleft()
+            logger.log_plan(report)
+            if i % stride == 0 and recording.traces:
+                logger.log_candidates(tick, recording.costs[i], recording.traces[i])
+            logger.log_ghost(report, tick, recording.estimates[tick], recording.memories[tick])
+    last = len(recording.states) - 1
+    ending = f"the run has ended: {recording.ending}" if recording.ending else "it ends here"
+    logger.log_event(last, "info", ending)
+    if recording.ending:
+        logger.log_end(last, recording.ending, "")
+    logger.flush()
 
 
 def reports(recording: Recording) -> Iterator[PlanReport]:
@@ -103,10 +129,18 @@ def show(recording: Recording, viewer: str) -> None:
     Raises:
         SumoError: the viewer cannot be opened, or the `view` extra is not installed.
     """
-    with TemporaryDirectory(prefix="sumo-dist-") as folder:
-        path = Path(folder) / "run.rrd"
-        to_rrd(recording, path)
-        show_file(path, viewer)
+    from sumo_dist.view.outputs import LiveServer, Outputs
+    from sumo_dist.view.viewers import SERVER_PORT, Viewer, free_port
+
+    with (
+        LiveServer(free_port(SERVER_PORT), REPLAY_MEMORY) as server,
+        Viewer(viewer, server.url) as opened,
+        Outputs(recording.state_digest[:12], url=server.url) as out,
+        suppress(KeyboardInterrupt),
+    ):
+        _tell(opened)
+        _log(recording, out)
+        opened.wait()
 
 
 def show_file(path: Path, viewer: str) -> None:
@@ -115,10 +149,14 @@ def show_file(path: Path, viewer: str) -> None:
     from sumo_dist.view.viewers import Viewer
 
     with Viewer(viewer, path) as opened:
-        if opened.address:
-            sys.stderr.write(f"watch the run at {opened.address} (Ctrl-C ends)\n")
+        _tell(opened)
         with suppress(KeyboardInterrupt):
             opened.wait()
+
+
+def _tell(viewer: "Viewer") -> None:
+    if viewer.address:
+        sys.stderr.write(f"watch the run at {viewer.address} (Ctrl-C ends)\n")
 
 
 def render(recording: Recording, path: Path) -> None:
@@ -129,7 +167,7 @@ def render(recording: Recording, path: Path) -> None:
 
     Args:
         recording: what to draw.
-        path: .mp4, .gif, or .jpg for a strip of a few pictures from start to end.
+        path: .mp4, .gif, .webp, or .jpg for a strip of a few pictures from start to end.
 
     Raises:
         UsageError: another ending.

@@ -7,34 +7,45 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.view import about
-from sumo_dist.view.blueprint import layout
-from sumo_dist.view.marks import ELITE, GOAL, ON_FLOOR, Color, goal_rings, ranked, way_colors
+from sumo_dist.view.about import legible
+from sumo_dist.view.blueprint import frame, layout
+from sumo_dist.view.eye import Shot, clearest_azimuth, direction
+from sumo_dist.view.ghost import EVERY_TICKS, Foresight, GhostLog
+from sumo_dist.view.marks import (
+    ELITE,
+    GOAL,
+    ON_FLOOR,
+    SHOWN,
+    TRACE_POINTS,
+    eye_azimuth,
+    goal_rings,
+    ranked,
+    thinned,
+    way_colors,
+)
 from sumo_dist.view.outputs import Outputs
+from sumo_dist.view.plots import PlotLog, plots
 from sumo_dist.view.scene import SceneLog
+from sumo_dist.view.verdict import Verdict
 
 Level = Literal["info", "warning", "error"]
 
 CHUNK_TICKS = 5  # states sent at a time: a quarter of the cost of one by one
-TRAIL_POINTS = 600  # of an executed trail, one a chunk: the last minute
+TRAIL_TICKS = 25  # of robot time between points of an executed trail
+TRAIL_POINTS = 120  # of it: the last minute
+CANDIDATE_TICKS = 5  # of robot time at least between two plans whose candidates are drawn
+VERDICT_TICKS = 10  # of robot time between two verdicts
+HEALTH_TICKS = 50  # of robot time between two numbers of the same kind
 
+_ELEVATION = 28.0  # of the eye, seen from its target [deg]
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-_SERIES: tuple[Color, ...] = (  # colours of plots, legible on dark and on light
-    (66, 146, 214),
-    (238, 130, 50),
-    (44, 160, 112),
-    (204, 96, 160),
-    (148, 118, 200),
-    (200, 160, 40),
-    (214, 70, 70),
-    (130, 130, 130),
-)
 
 
 class RunLogger:
@@ -64,85 +75,102 @@ class RunLogger:
         self._model = model or compile_model(task.scene, PLANT)
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
+        self._frames = ViewLayout(self._model, task.frames)
         self._colors = way_colors(task)
         self._trails = {name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in self._colors}
-        self._mover = "robot" if task.goal_frame == "base" else task.goal_frame  # has the goal
-        self._ticks: list[int] = []
-        self._distances: list[float] = []
+        self._plots = PlotLog(out, task, distributed)
+        self._foresight = Foresight(task, episode)
+        self._ghost = GhostLog(out, task, self._model)
+        self._verdict = Verdict()
+        self._next = {"trail": 0, "candidates": 0, "ghost": 0, "verdict": 0}  # ticks
         self._arranged = False
-        self._said: dict[tuple[str, str], str] = {}  # last text by service and counter
+        self._alive = 0
+        self._said: dict[tuple[str, str], tuple[int, float | str]] = {}  # last of each counter
+        self._line = ""
         self._log_text("about/scene", about.scene(task, episode))
         self._log_text("about/cost", about.cost(task))
         if self._goal is not None:
             self._log_goal(self._goal, tick=0)
-        self._name_plots()
 
-    def log_state(self, tick: int, state: np.ndarray) -> None:
-        """Log a state (nq + nv,); it is sent with others, see CHUNK_TICKS."""
-        self._data.qpos[:] = state[: self._model.nq]
-        mujoco.mj_kinematics(self._model, self._data)
+    def log_state(self, tick: int, state: np.ndarray, now: float | None = None) -> None:
+        """Log a state (nq + nv,) seen at time.monotonic() `now` [s]; see also CHUNK_TICKS."""
+        view = self._view(state)
         self._scene.add(tick, self._data)
-        self._ticks.append(tick)
-        if self._goal is not None:
-            to_goal = self._position(self._task.goal_frame) - self._goal
-            self._distances.append(float(np.linalg.norm(to_goal)))
+        self._plots.add_state(tick, view, self._goal)
+        if now is not None:
+            self._verdict.add_tick(tick, now)
         if not self._arranged:
-            self._arrange()
-        if len(self._ticks) == CHUNK_TICKS:
-            self._send_chunk()
+            self._arrange(view)
+        if self._due("trail", tick, TRAIL_TICKS):
+            self._extend_trails(tick, view)
+        if self._due("verdict", tick, VERDICT_TICKS):
+            self._log_verdict(tick)
 
     def log_plan(self, report: PlanReport, budget_ms: float = PLAN_PERIOD * 1e3) -> None:
         """Log a plan's costs and timing at its tick; `budget_ms` is the wall time it may take."""
         tick = report.plan.tick
         self._follow_goal(tick, report.parameters)
-        finite = report.costs[report.finite]
-        current = report.costs[0] if report.finite[0] else np.nan
-        best, mean = (finite.min(), finite.mean()) if len(finite) else (np.nan, np.nan)
-        self._plot("cost", tick, [current, best, mean])
-        if report.finite[0]:
-            self._plot("terms", tick, report.terms)
-        age_ms = report.age_ticks * TICK * 1e3
-        self._plot("timing", tick, [report.plan_ms, budget_ms, age_ms])
+        self._plots.add_plan(report, budget_ms)
+        self._verdict.add_plan(report, budget_ms)
         if self._distributed:
-            self._plot("workers/rollouts", tick, [report.lost, report.reissued])
+            self._plots.add("workers", tick, [self._alive, report.lost, report.reissued])
         if report.failed:
             text = f"plan {report.plan.number} failed: no candidate has a finite cost"
             self.log_event(tick, "warning", text)
 
+    def log_ghost(
+        self, report: PlanReport, tick: int, state: np.ndarray, memory: np.ndarray
+    ) -> None:
+        """Draw where a plan leads from a tick's state and policy memory, if that is due."""
+        if self._due("ghost", tick, EVERY_TICKS):
+            self._ghost.show(tick, self._foresight.end_of(report.plan, tick, state, memory))
+
     def log_workers(self, tick: int, alive: int) -> None:
         """Log how many rollout workers there are."""
-        self._plot("workers/alive", tick, [alive])
+        self._alive = alive
+        self._verdict.set_alive(alive)
+        self._log_verdict(tick)
 
-    def log_pace(self, tick: int, worker: str, rollouts_per_s: float) -> None:
-        """Log how fast a worker is."""
-        self._out.log(["plots", "pace", worker], rr.Scalars([rollouts_per_s]), tick=tick)
+    def log_worker(self, tick: int, worker: str, state: str, rollouts_per_s: float) -> None:
+        """Log how a worker is, and how fast."""
+        self._verdict.add_worker(worker, state, rollouts_per_s)
+        if self._news(tick, worker, "pace", rollouts_per_s):
+            self._out.log(["plots", "pace", worker], rr.Scalars([rollouts_per_s]), tick=tick)
+
+    def log_mode(self, tick: int, mode: str) -> None:
+        """Log what the robot does."""
+        self._verdict.set_mode(mode)
+        if self._news(tick, "robot", "mode", mode):
+            self._log_verdict(tick)
 
     def log_health(self, tick: int, source: str, name: str, value: float | str) -> None:
-        """Log what a service tells of itself: a number as a series, a text whenever it changes."""
-        path: list[object] = ["health", source, name]
-        if not isinstance(value, str):
-            self._out.log(path, rr.Scalars([value]), tick=tick)
-        elif self._said.get((source, name)) != value:
-            self._said[source, name] = value
-            self._out.log(path, rr.TextLog(value), tick=tick)
+        """Log what a service tells of itself, when it changes: a number, or a text."""
+        if not self._news(tick, source, name, value):
+            return
+        said = rr.TextLog(legible(value)) if isinstance(value, str) else rr.Scalars([value])
+        self._out.log(["health", source, name], said, tick=tick)
 
     def log_candidates(self, tick: int, costs: np.ndarray, traces: np.ndarray) -> None:
-        """Log the futures that a plan was chosen from.
+        """Log the futures that a plan was chosen from, if that is due.
 
         Args:
             tick: of the state they start from.
             costs: (B,) +inf where there is no rollout.
             traces: (B, F, P, 3) paths of the task's trail frames, world [m].
         """
+        if not self._due("candidates", tick, CANDIDATE_TICKS):
+            return
         elites, others, shades = ranked(costs, self._planner)
-        _, frames, points, _ = traces.shape
+        chosen = thinned(len(others), SHOWN)
+        points = thinned(traces.shape[2], TRACE_POINTS)
+        drawn = traces[others[chosen]][:, :, points]
         samples = rr.LineStrips3D(
-            traces[others].reshape(len(others) * frames, points, 3),
-            colors=np.repeat(shades, frames, axis=0),
+            drawn.reshape(-1, *drawn.shape[2:]),
+            colors=np.repeat(shades[chosen], traces.shape[1], axis=0),
             radii=rr.Radius.ui_points(0.6),
         )
         best = rr.LineStrips3D(
-            traces[elites].reshape(len(elites) * frames, points, 3),
+            traces[elites].reshape(-1, *traces.shape[2:]),
             colors=[ELITE],
             radii=rr.Radius.ui_points(1.3),
         )
@@ -151,59 +179,90 @@ class RunLogger:
 
     def log_event(self, tick: int, level: Level, text: str) -> None:
         """Log one line for people."""
-        self._out.log("events", rr.TextLog(text, level=_LEVELS[level]), tick=tick)
+        self._out.log("events", rr.TextLog(legible(text), level=_LEVELS[level]), tick=tick)
+
+    def log_end(self, tick: int, reason: str, again: str) -> None:
+        """Log how the run ended, and the command that shows it again, "" for none."""
+        self._verdict.end(reason, again)
+        self._log_verdict(tick)
 
     def flush(self) -> None:
         """Send what is waiting for a full chunk."""
-        self._send_chunk()
+        self._scene.flush()
+        self._plots.flush()
         self._out.flush()
 
-    def _send_chunk(self) -> None:
-        if not self._ticks:
-            return
-        self._scene.flush()
-        if self._distances:
-            self._out.send("plots/task", self._ticks, rr.Scalars.columns(scalars=self._distances))
+    def close(self) -> None:
+        """Free what plans are rolled out with."""
+        self._foresight.close()
+
+    def _view(self, state: np.ndarray) -> View:
+        """Put the model into a state (nq + nv,) and name what is in it."""
+        self._data.qpos[:], self._data.qvel[:] = np.split(state, [self._model.nq])
+        mujoco.mj_kinematics(self._model, self._data)
+        parameters = self._task.table.named(self._parameters)
+        return self._frames.at(self._data, len(self._task.actions.names), parameters)
+
+    def _due(self, what: str, tick: int, period: int) -> bool:
+        """Whether it is time for something that happens once in so many ticks."""
+        if tick < self._next[what]:
+            return False
+        self._next[what] = tick + period
+        return True
+
+    def _news(self, tick: int, source: str, name: str, value: float | str) -> bool:
+        """Whether a value is another one than last told; numbers are told every HEALTH_TICKS."""
+        before, last = self._said.get((source, name), (-HEALTH_TICKS, None))
+        recent = not isinstance(value, str) and tick < before + HEALTH_TICKS
+        if value == last or (recent and last is not None):
+            return False
+        self._said[source, name] = tick, value
+        return True
+
+    def _extend_trails(self, tick: int, view: View) -> None:
         for name, trail in self._trails.items():
-            trail.append(np.append(self._position(name)[:2], ON_FLOOR))
+            trail.append(np.append(view[name].pos[0, 0, :2], ON_FLOOR))
             strip = rr.LineStrips3D(
                 [np.array(trail)], colors=[self._colors[name]], radii=rr.Radius.ui_points(2.0)
             )
-            self._out.log(f"world/trail/{name}", strip, tick=self._ticks[-1])
-        self._ticks, self._distances = [], []
+            self._out.log(f"world/trail/{name}", strip, tick=tick)
 
-    def _arrange(self) -> None:
+    def _arrange(self, view: View) -> None:
         """Lay out the viewer around where everything starts."""
-        points = [self._position(name) for name in self._trails]
+        points = [view[name].pos[0, 0] for name in self._trails]
         if self._goal is not None:
             points.append(self._goal)
-        goal = (self._mover, self._distances[0]) if self._distances else None
-        self._out.arrange(layout(np.array(points), self._task.movers, goal, self._distributed))
+        target, distance = frame(np.array(points))
+        shots = [Shot(qpos, target, distance) for qpos in self._way_ahead(points[0])]
+        base, preferred = self._task.scene.robot.base, eye_azimuth(points[0], target)
+        azimuth = clearest_azimuth(self._model, base, shots, _ELEVATION, preferred)
+        eye = target + distance * direction(azimuth, _ELEVATION)
+        shown = plots(self._task, self._distributed)
+        self._out.arrange(layout(eye, target, self._task.movers, shown, self._distributed))
         self._arranged = True
 
-    def _position(self, name: str) -> np.ndarray:
-        ref: FrameRef = self._task.frames[name]
-        at = self._data.site(ref.name) if ref.kind == "site" else self._data.body(ref.name)
-        return at.xpos.copy()
+    def _way_ahead(self, start: np.ndarray) -> list[np.ndarray]:
+        """Positions (nq,) to be seen: the start, and a robot that goes to a goal, on its way."""
+        if self._goal is None or self._task.goal_frame != "base":
+            return [self._data.qpos.copy()]
+        way = []
+        for share in np.linspace(0.0, 1.0, 5):
+            qpos = self._data.qpos.copy()
+            at = self._model.body(self._task.scene.robot.base).jntadr[0]
+            xy = slice(self._model.jnt_qposadr[at], self._model.jnt_qposadr[at] + 2)
+            qpos[xy] += share * (self._goal - start)[:2]
+            way.append(qpos)
+        return way
 
-    def _plot(self, name: str, tick: int, values: list[float] | np.ndarray) -> None:
-        self._out.log(f"plots/{name}", rr.Scalars(values), tick=tick)
+    def _log_verdict(self, tick: int) -> None:
+        line = self._verdict.line()
+        if line != self._line:
+            self._line = line
+            self._log_text("verdict", line, tick)
 
-    def _log_text(self, path: str, text: str) -> None:
-        self._out.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
-
-    def _name_plots(self) -> None:
-        for plot, names in {
-            "task": [f"{self._mover} to goal"],
-            "cost": ["current plan", "best candidate", "mean of all"],
-            "terms": [term.name for term in self._task.cost],
-            "timing": ["planning time", "budget", "age of the plan's state"],
-            "workers/alive": ["workers alive"],
-            "workers/rollouts": ["rollouts lost", "rollouts sent twice"],
-        }.items():
-            shades = _SERIES[1:] if plot == "workers/rollouts" else _SERIES
-            lines = rr.SeriesLines(names=names, colors=shades[: len(names)])
-            self._out.log(f"plots/{plot}", lines)
+    def _log_text(self, path: str, text: str, tick: int | None = None) -> None:
+        document = rr.TextDocument(legible(text), media_type=rr.MediaType.MARKDOWN)
+        self._out.log(path, document, tick=tick)
 
     def _follow_goal(self, tick: int, parameters: np.ndarray) -> None:
         """Draw the goal where the parameters of a plan have it."""

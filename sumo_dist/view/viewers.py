@@ -11,6 +11,7 @@ from urllib.parse import quote
 import rerun_cli
 
 from sumo_dist.errors import SumoError, unknown
+from sumo_dist.view.page import PageServer
 
 VIEWERS = ("web", "native", "none")
 SERVER_PORT, WEB_PORT = 9876, 9090  # Rerun's own defaults
@@ -37,6 +38,7 @@ class Viewer:
         """
         self.address: str | None = None  # of the page to open, for "web"
         self._process: subprocess.Popen[bytes] | None = None
+        self._page: PageServer | None = None
         if kind not in VIEWERS:
             raise unknown("viewer", kind, VIEWERS)
         if kind == "native" and not _has_display():
@@ -62,6 +64,9 @@ class Viewer:
 
     def close(self) -> None:
         """End the viewer."""
+        if self._page is not None:
+            self._page.close()
+            self._page = None
         if self._process is None:
             return
         self._process.terminate()  # of one that has ended, nothing
@@ -79,11 +84,12 @@ class Viewer:
         self.close()
 
     def _serve_web(self, source: str | Path) -> None:
-        web, server = free_port(WEB_PORT), free_port(SERVER_PORT)
-        ports = ("--web-viewer-port", str(web), "--port", str(server))
+        web, inner, server = free_port(WEB_PORT), free_port(0), free_port(SERVER_PORT)
+        ports = ("--web-viewer-port", str(inner), "--port", str(server))
         self._process = _start("--serve-web", "--bind", "127.0.0.1", *ports, str(source))
         # A file is served by the viewer's process itself.
         live = source if isinstance(source, str) else f"rerun+http://127.0.0.1:{server}/proxy"
+        self._page = PageServer(web, f"http://127.0.0.1:{inner}")
         page = f"http://127.0.0.1:{web}/"
         self.address = f"{page}?url={quote(live, safe='')}&hide_welcome_screen"
 
@@ -109,9 +115,19 @@ def _start(*arguments: str) -> subprocess.Popen[bytes]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            env=_environment(),
         )
     except OSError as error:
         raise SumoError(f"the Rerun viewer does not start: {error}") from None
+
+
+def _environment() -> dict[str, str]:
+    """Variables for Rerun under which it sends no statistics of its use.
+
+    Its own switch, `rerun analytics disable`, is a file of the user's. On a build machine, which it
+    knows by CI, it sends none either.
+    """
+    return {**os.environ, "CI": "true", "FORCE_RERUN_ANALYTICS": "0"}
 
 
 def _has_display() -> bool:

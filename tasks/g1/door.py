@@ -1,10 +1,7 @@
 """G1 opens a door that springs shut, and walks through (paper, appendix)."""
 
-import numpy as np
-
 from sumo_dist.costs.parameters import Parameter
 from sumo_dist.costs.terms import CostTerm
-from sumo_dist.costs.view import View
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.robots.g1 import g1_actions
@@ -20,15 +17,11 @@ from sumo_dist.tasks.g1.terms import (
     scene,
 )
 from sumo_dist.tasks.reset import Reset
+from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Goal, Task
 
 PELVIS_HEIGHT = 0.76  # of the goal [m]
 SUCCESS_DISTANCE = 0.3  # released code: of the pelvis from the goal on the floor [m]
-
-
-def solved(r: View) -> np.ndarray:
-    """Whether the pelvis is at the goal, (B, T)."""
-    return terms.goal_distance("base")(r) < r.p.success_distance
 
 
 def door_open() -> Task:
@@ -62,7 +55,9 @@ def door_open() -> Task:
             Parameter("success_distance", SUCCESS_DISTANCE, "m", (0.0, 1.0)),
         ),
         reset=Reset(at(0.0, 0.0)),
-        success=solved,
+        success=AllBelow(
+            Measure("pelvis to goal", terms.goal_distance("base"), "success_distance")
+        ),
         failure={"left the workspace": terms.outside(WORKSPACE, "base")},
         goal=Goal("base", PELVIS_HEIGHT),
         trails=("base", "right_palm"),

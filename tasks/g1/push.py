@@ -24,6 +24,7 @@ from sumo_dist.tasks.g1.terms import (
     scene,
 )
 from sumo_dist.tasks.reset import OnFloor, Reset
+from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Goal, Task
 
 SUCCESS_DISTANCE = 0.3  # released code: on each axis [m]
@@ -71,10 +72,9 @@ def speed2(r: View) -> np.ndarray:
     return norm(r.object.linvel) ** 2
 
 
-def solved(r: View) -> np.ndarray:
-    """Whether the object is at its goal, on both axes, and slow, (B, T)."""
-    away = np.abs(r.object.pos[..., :2] - r.p.goal).max(axis=-1)
-    return (away < r.p.success_distance) & (norm(r.object.linvel) < r.p.success_speed)
+def away(r: View) -> np.ndarray:
+    """How far the object is from its goal on the axis on which it is further, (B, T) [m]."""
+    return np.abs(r.object.pos[..., :2] - r.p.goal).max(axis=-1)
 
 
 def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
@@ -114,7 +114,10 @@ def push(load: Load, arms: tuple[str, ...] = ("left", "right")) -> Task:
             Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
         ),
         reset=Reset(at(*ROBOT_START), (OnFloor(load.name, at(*OBJECT_START), load.rest_z),)),
-        success=solved,
+        success=AllBelow(
+            Measure("object to goal", away, "success_distance"),
+            Measure("object's speed", terms.speed("object"), "success_speed"),
+        ),
         success_hold=SUCCESS_HOLD,
         failure={
             "tipped": terms.tipped("object"),

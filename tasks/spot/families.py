@@ -14,6 +14,7 @@ from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import Dropped, FloorDraw, OnFloor, Reset, Ring
+from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Goal, Task
 from sumo_dist.tasks.terms import FALL_WEIGHT, TIPPED, Predicate
 
@@ -35,14 +36,24 @@ class Standing:
     Attributes:
         off: View -> (B, T), how far it is from upright, from 0 on; the cost of the paper.
         at: tilt [rad] -> the value of `off` at that tilt.
+        tilt: View -> (B, T), the tilt at which it is [rad].
     """
 
     off: Callable[[View], np.ndarray]
     at: Callable[[float], float]
+    tilt: Callable[[View], np.ndarray]
 
 
-Z_UP = Standing(off=lambda r: 1.0 - r.object.z[..., 2], at=lambda tilt: float(1.0 - np.cos(tilt)))
-AXLE_LEVEL = Standing(off=lambda r: np.abs(r.object.y[..., 2]), at=lambda tilt: float(np.sin(tilt)))
+Z_UP = Standing(
+    off=lambda r: 1.0 - r.object.z[..., 2],
+    at=lambda tilt: float(1.0 - np.cos(tilt)),
+    tilt=lambda r: np.arccos(np.clip(r.object.z[..., 2], -1.0, 1.0)),
+)
+AXLE_LEVEL = Standing(
+    off=lambda r: np.abs(r.object.y[..., 2]),
+    at=lambda tilt: float(np.sin(tilt)),
+    tilt=lambda r: np.arcsin(np.clip(np.abs(r.object.y[..., 2]), 0.0, 1.0)),
+)
 
 
 @dataclass(frozen=True)
@@ -117,9 +128,6 @@ def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NE
     """
     to_goal, speed = terms.goal_distance("object", thing.rest_z), terms.speed("object")
 
-    def solved(r: View) -> np.ndarray:
-        return (to_goal(r) < r.p.success_radius) & (speed(r) < r.p.success_speed)
-
     def tipped(r: View) -> np.ndarray:
         return thing.standing.off(r) > thing.standing.at(TIPPED)
 
@@ -146,7 +154,10 @@ def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NE
             Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
         ),
         reset=Reset(robot, (OnFloor(thing.name, ring, thing.rest_z),), CLEARANCE, near_goal),
-        success=solved,
+        success=AllBelow(
+            Measure("object to goal", to_goal, "success_radius"),
+            Measure("object's speed", speed, "success_speed"),
+        ),
         success_hold=0.5 if thing.rolls else 0.0,
         failure={**failure, **LEFT},
         goal=Goal("object", thing.rest_z),
@@ -166,18 +177,17 @@ def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = N
         robot: draws where the robot starts.
         ring: draws the place above which the object is dropped before the start.
     """
-    standing, spin = thing.standing, terms.spin("object")
-
-    def solved(r: View) -> np.ndarray:
-        return (standing.off(r) <= standing.at(r.p.success_tilt)) & (spin(r) < r.p.success_spin)
-
+    solved = AllBelow(
+        Measure("object's tilt", thing.standing.tilt, "success_tilt"),
+        Measure("object's spin", terms.spin("object"), "success_spin"),
+    )
     return Task(
         name=f"spot/upright_{thing.name}",
         scene=thing.scene,
         actions=spot_actions(),
         frames=thing.frames,
         cost=(
-            CostTerm("upright", standing.off, 100.0),
+            CostTerm("upright", thing.standing.off, 100.0),
             CostTerm("gripper", terms.distance("gripper", "aim"), 0.5),
             CostTerm("fall", terms.lies(SPOT), FALL_WEIGHT, "any"),
         ),

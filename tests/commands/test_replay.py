@@ -31,6 +31,33 @@ def test_a_film_of_an_unknown_kind_names_the_valid_ones(tmp_path, capsys, short_
     assert "cannot render film.avi; valid endings: .gif, " in capsys.readouterr().err
 
 
+def test_a_run_without_a_trace_gets_one_later_in_a_folder_that_is_made(
+    tmp_path, capsys, short_run, read_rrd
+):
+    short_run.save(tmp_path / "run.npz")
+    file = tmp_path / "new" / "folder" / "run.rrd"
+    assert main(["replay", str(tmp_path), "--save", str(file)]) == 0
+    assert capsys.readouterr().out == f"wrote {file}\n"
+    timed = read_rrd(file).timed
+    assert len(set(timed["/world/poses"]["sim_time"])) == len(short_run.states)
+    assert "/world/plan/samples" in timed
+
+
+@pytest.mark.parametrize("option", ["--save", "--render"])
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, capsys, short_run, option):
+    short_run.save(tmp_path / "run.npz")
+    (tmp_path / "file").touch()
+    path = tmp_path / "file" / ("a.rrd" if option == "--save" else "a.gif")
+    assert main(["replay", str(tmp_path), option, str(path)]) == 2
+    assert capsys.readouterr().err == f"sumo-dist: cannot write to {path.parent}: File exists\n"
+
+
+def test_what_is_saved_is_a_rerun_file(tmp_path, capsys, short_run):
+    short_run.save(tmp_path / "run.npz")
+    assert main(["replay", str(tmp_path), "--save", str(tmp_path / "run.mp4")]) == 2
+    assert "cannot save run.mp4; valid endings: .rrd" in capsys.readouterr().err
+
+
 def test_a_run_repeats_to_the_last_bit(tmp_path, capsys, short_run):
     short_run.save(tmp_path / "run.npz")
     assert main(["replay", str(tmp_path), "--repeat"]) == 0

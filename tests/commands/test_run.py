@@ -68,8 +68,10 @@ def refused(capsys, *args):
 def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
     out = tmp_path / "a" / "run"
     args = ["--workers", workers, "--seed", 4, "--time-limit", 0.5, "--out", out, *QUICK, *FREE]
-    code, said, _ = sumo_dist("run", "spot/move_box", *args)
+    code, said, told = sumo_dist("run", "spot/move_box", *args)
     assert code == 1  # half a second is not enough
+    assert told.endswith(f"see it again: sumo-dist replay {out}\n")
+    assert not (out / "run.rrd").exists()  # nobody watches, nobody has asked for it
     assert said.count("\n") == 1
     assert said.startswith("spot/move_box seed 4: not solved: timeout, 10 plans of ")
     assert said.endswith(f"; in {out}\n")
@@ -81,6 +83,13 @@ def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
     assert recording.plan_digest == summary["plan_digest"]
     assert len(recording.states) == 26
     assert np.isfinite(recording.terms).all()
+
+
+def test_a_trace_is_written_without_a_viewer_if_asked_for(tmp_path, capsys, read_rrd):
+    args = ["--workers", "0", "--threads", "1", "--time-limit", "0.2", *QUICK]
+    assert main(["run", "spot/move_box", *args, "--rrd", "--out", str(tmp_path / "a")]) == 1
+    assert "/world/poses" in read_rrd(tmp_path / "a" / "run.rrd").timed
+    assert f"sumo-dist replay {tmp_path / 'a'}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

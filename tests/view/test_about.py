@@ -27,3 +27,8 @@ def test_it_names_what_there_is(name, said):
 def test_every_object_is_named(two_objects):
     text = about.scene(two_objects, EpisodeConfig("spot/move_box"))
     assert "the way of robot and object and cone so far" in text
+
+
+def test_what_the_viewer_has_no_letters_for_is_replaced():
+    assert about.legible("Kiste fürs Ziel – 5 ° · “go”") == "Kiste fürs Ziel – 5 ° · “go”"
+    assert about.legible("box \U0001f7e6 箱") == "box ? ?"

@@ -49,7 +49,7 @@ def test_a_strip_has_the_start_on_its_left_and_the_end_on_its_right(short_run, f
 
 
 def test_an_unknown_format_names_those_there_are(short_run, tmp_path):
-    with pytest.raises(UsageError, match=r"\.gif, \.jpg, \.mp4"):
+    with pytest.raises(UsageError, match=r"\.gif, \.jpg, \.mp4, \.webp"):
         render(short_run, tmp_path / "run.avi")
 
 

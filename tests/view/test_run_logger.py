@@ -12,7 +12,7 @@ from sumo_dist.tasks.reset import Start
 from sumo_dist.view.marks import ON_FLOOR, way_colors
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.rrd_file import RrdFile
-from sumo_dist.view.run_logger import CHUNK_TICKS, RunLogger
+from sumo_dist.view.run_logger import TRAIL_TICKS, RunLogger
 
 
 def logged(task, states, path, read_rrd, **config):
@@ -27,13 +27,13 @@ def logged(task, states, path, read_rrd, **config):
 
 @pytest.fixture(scope="module")
 def sliding(two_objects):
-    """Ten ticks in which the box goes along x and the cone along y."""
+    """Half a second in which the box goes along x and the cone along y."""
     index = StateIndex(compile_model(two_objects.scene, PLANT))
     level = np.array([1.0, 0.0, 0.0, 0.0])
     things = {"box": (np.array([2.0, 0, 0.254]), level), "cone": (np.array([0, 2.0, 0]), level)}
     state = Start.of(two_objects.scene).place(np.zeros(2), 0.0, things)
     states = []
-    for tick in range(2 * CHUNK_TICKS):
+    for tick in range(TRAIL_TICKS + 1):
         states.append(state.copy())
         states[-1][index.pose("box")][0] += 0.01 * tick
         states[-1][index.pose("cone")][1] += 0.02 * tick
@@ -43,7 +43,7 @@ def sliding(two_objects):
 def test_each_object_leaves_a_way_of_its_own_colour(two_objects, sliding, tmp_path, read_rrd):
     rrd = logged(two_objects, sliding, tmp_path / "run.rrd", read_rrd)
     ways = {n: rrd.timed[f"/world/trail/{n}"] for n in ("base", "object", "cone")}
-    last = CHUNK_TICKS - 1, 2 * CHUNK_TICKS - 1
+    last = 0, TRAIL_TICKS
     expected = {
         "object": [[2.0 + 0.01 * tick, 0.0, ON_FLOOR] for tick in last],
         "cone": [[0.0, 2.0 + 0.02 * tick, ON_FLOOR] for tick in last],
@@ -58,15 +58,15 @@ def test_each_object_leaves_a_way_of_its_own_colour(two_objects, sliding, tmp_pa
 
 def test_the_distance_is_of_what_has_the_goal(two_objects, sliding, tmp_path, read_rrd):
     goal = replace(two_objects.goal, frame="cone", z=0.0)
-    task = replace(two_objects, goal=goal)
+    task = replace(two_objects, goal=goal, success=lambda r: r.cone.pos[..., 2] > 1.0)
     rrd = logged(task, sliding, tmp_path / "a.rrd", read_rrd, param=("goal=0,1.5",))
-    shown = np.array(rrd.timed["/plots/task"]["Scalars:scalars"])[:, 0]
+    shown = np.array(rrd.timed["/plots/progress/goal"]["Scalars:scalars"])[:, 0]
     assert shown == pytest.approx(0.5 + 0.02 * np.arange(len(sliding)))
-    assert rrd.static["/plots/task"]["SeriesLines:names"] == [["cone to goal"]]
+    assert rrd.static["/plots/progress/goal"]["SeriesLines:names"] == [["cone to goal"]]
 
 
 def test_a_task_without_a_goal_draws_none(two_objects, sliding, tmp_path, read_rrd):
     rrd = logged(replace(two_objects, goal=None), sliding, tmp_path / "a.rrd", read_rrd)
     assert not [entity for entity in rrd.timed if "goal" in entity]
-    assert "/plots/task" not in rrd.timed
+    assert "/plots/progress/goal" not in rrd.timed
     assert "green target" not in rrd.static["/about/scene"]["TextDocument:text"][0][0]

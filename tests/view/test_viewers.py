@@ -7,6 +7,7 @@ import pytest
 import rerun as rr
 
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.view import viewers
 from sumo_dist.view.outputs import LiveServer, Outputs
 from sumo_dist.view.rrd_file import RrdFile
 from sumo_dist.view.viewers import Viewer, free_port
@@ -36,6 +37,30 @@ def test_a_file_is_shown_in_the_browser_and_nothing_is_left_behind(tmp_path):
     assert not viewer.running()
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(viewer.address, timeout=2)
+
+
+def test_the_page_may_ask_this_machine_only_and_its_process_reports_to_nobody(
+    tmp_path, monkeypatch
+):
+    started = []
+    popen = viewers.subprocess.Popen
+    monkeypatch.setattr(
+        viewers.subprocess, "Popen", lambda *a, **k: started.append(k["env"]) or popen(*a, **k)
+    )
+    monkeypatch.setenv("FORCE_RERUN_ANALYTICS", "1")
+    with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
+        out.log("seen", rr.Scalars(1.0), tick=0)
+    with Viewer("web", tmp_path / "run.rrd") as viewer:
+        page(viewer.address)
+        with urllib.request.urlopen(viewer.address, timeout=10) as response:
+            policy = response.headers["Content-Security-Policy"]
+        root = viewer.address.partition("?")[0]
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(f"{root}no-such-file", timeout=10)
+    hosts = [word for word in policy.split() if "//" in word]
+    assert hosts == ["http://127.0.0.1:*", "http://localhost:*"]
+    assert "*" not in policy.split()
+    assert (started[0]["CI"], started[0]["FORCE_RERUN_ANALYTICS"]) == ("true", "0")
 
 
 def test_a_live_server_is_what_the_page_connects_to():
