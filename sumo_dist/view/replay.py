@@ -129,6 +129,7 @@ def show(recording: Recording, viewer: str) -> None:
     Raises:
         SumoError: the viewer cannot be opened, or the `view` extra is not installed.
     """
+    need("view", "the viewer")
     from sumo_dist.view.outputs import LiveServer, Outputs
     from sumo_dist.view.viewers import SERVER_PORT, Viewer, free_port
 
