@@ -1,5 +1,6 @@
 """What tests of several packages share: a router, a start, a Rerun file read back, waiting."""
 
+import signal
 import socket
 import time
 import warnings
@@ -18,6 +19,16 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.wire import routers
 from sumo_dist.wire.session import open_router
+
+USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+
+
+def pytest_configure():
+    """Let Ctrl-C and HUP act as usual on what tests start, also under nohup or a shell's `&`."""
+    for number, handler in USUAL.items():
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, handler)
+
 
 Table = dict[str, list[Any]]  # column -> rows
 

@@ -80,19 +80,9 @@ def test_runs_that_begin_at_once_have_a_folder_each(ask, start, tmp_path):
 def test_a_folder_that_a_run_writes_to_is_not_given_to_another(ask, start, tmp_path):
     run = start("spot/move_box", *ALONE, "--out", "mine")
     run.plans()
-    ask(
-        *(
-            FOLDERS,
-            "another run's --out",
-            "run",
-            "spot/move_box",
-            *ALONE,
-            "--out",
-            tmp_path / "mine",
-        ),
-        code=2,
-        says="another run writes to .*mine: give this one another --out",
-    )
+    taken = ("run", "spot/move_box", *ALONE, "--out", tmp_path / "mine")
+    says = "another run writes to .*mine: give this one another --out"
+    ask(FOLDERS, "another run's --out", *taken, code=2, says=says)
     run.process.send_signal(signal.SIGINT)
     assert run.end()[0] == 130
     again = ("run", "spot/move_box", *ALONE, "--time-limit", "0.1", "--out", tmp_path / "mine")

@@ -53,15 +53,15 @@ def test_the_robot_is_told_the_whole_episode(episode):
 def test_only_the_robot_is_told_what_to_do():
     *others, _ = services(deployment(FULL), ENDPOINT)
     names = [service.name for service in others]
-    assert names == ["state-estimator", "optimizer", "local-0", "local-1", "tracer"]
+    assert names == ["tracer", "state-estimator", "optimizer", "local-0", "local-1"]
     for service in others:
         known = {field.name for field in fields(service.options)}
         assert not known & {"episode", "task", "seed", "run"}
         assert service.options.robot == "g1"
         parsed = tyro.cli(type(service.options), args=list(flags(service.options)))
         assert parsed == service.options
-    assert [s.vital for s in others] == [True, True, False, False, False]
-    assert {s.options.engine for s in others[1:4]} == {"fallback"}
+    assert [s.vital for s in others] == [False, True, True, False, False]
+    assert {s.options.engine for s in others[2:]} == {"fallback"}
 
 
 @pytest.mark.parametrize("give_way", [True, False])
