@@ -14,6 +14,9 @@ import pytest
 from sumo_dist.bench.layout import markdown
 from sumo_dist.cli import main
 
+TITLE = """# deploy/check tests/cases --answers FILE
+
+What people bring, by kind, what is asked with it, and the line that answers; long ones are cut."""
 COLUMNS = ("kind", "what is brought", "sumo-dist ...", "exit", "answer")
 
 
@@ -52,10 +55,15 @@ def pytest_sessionfinish(session):
     path = session.config.getoption("--answers", default=None)
     if path is not None:
         rows = [
-            [*case[:2], f"`{case.command}`", str(case.code), case.answer]
+            [*case[:2], f"`{shorten(case.command)}`", str(case.code), shorten(case.answer)]
             for case in sorted(session.config.stash[CASES])
         ]
-        path.write_text(f"# deploy/check tests/cases --answers FILE\n\n{markdown(COLUMNS, rows)}\n")
+        text = f"{TITLE}\n\n{markdown(COLUMNS, rows)}\n"
+        path.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def shorten(text, width=160):
+    return text if len(text) <= width else f"{text[: width - 1]}…"
 
 
 @pytest.fixture
