@@ -3,6 +3,7 @@
 `deploy/check tests/cases --answers FILE` writes the list as a table.
 """
 
+import os
 import re
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from sumo_dist.cli import main
 TITLE = """# deploy/check tests/cases --answers FILE
 
 What people bring, by kind, what is asked with it, and the line that answers; long ones are cut."""
-ROOT = Path(__file__).parents[2]
+ROOT, HOME = Path(__file__).parents[2], os.path.expanduser("~")
 COLUMNS = ("kind", "what is brought", "sumo-dist ...", "exit", "answer")
 
 
@@ -100,7 +101,7 @@ def ask(pytestconfig, capfd, tmp_path):
         shown = [re.sub(r"\S*/", "", word) if word.startswith("/") else word for word in words]
         for folder in (tmp_path, ROOT):  # which say nothing elsewhere
             answer = answer.replace(f"{folder}/", "").replace(str(folder), ".")
-        line = answer.strip().replace("|", "\\|")
+        line = answer.replace(HOME, "~").strip().replace("|", "\\|")
         pytestconfig.stash[CASES].append(Case(kind, brought, " ".join(shown), got, line))
         return printed
 
