@@ -1,7 +1,6 @@
 """What the benches share: checks of their options, and one way to print what they measured."""
 
 import json
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -63,11 +62,6 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))} |"
         for line in lines
     )
-
-
-def say(line: str) -> None:
-    """Tell whoever waits."""
-    print(line, file=sys.stderr, flush=True)
 
 
 def check_at_least(least: int, **options: int | None) -> None:

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import tyro
 
-from sumo_dist.bench.layout import Result, check_at_least, markdown, run_bench, say
+from sumo_dist.bench.layout import Result, check_at_least, markdown, run_bench
 from sumo_dist.errors import UsageError
 from sumo_dist.faults.growth import Growth
 from sumo_dist.faults.run import run_script
 from sumo_dist.faults.script import read_script
 from sumo_dist.faults.verdict import Outcome, counted
 from sumo_dist.record.folders import fresh_folder
+from sumo_dist.terminal import say
 
 HEADS = (
     *("script", "runs", "faults", "plans", "commands", "rate [1/s]", "rollouts", "resumed [s]"),

@@ -23,7 +23,6 @@ from sumo_dist.extras import lacking, required
 PYTHONS = ((3, 11), (3, 13))
 PINGS = 50
 PLANS = 12
-PLAN_PERIOD_MS = 50.0  # of robot time
 CPU_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 RENDER = (
     "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).render()"

@@ -94,7 +94,7 @@ def _of_targets(changes: "Changes", limbs: np.ndarray, base: np.ndarray) -> dict
     jerk = changes.jerk
     return {
         "limb_reversals_hz": often[limbs].mean() if limbs.any() else np.nan,
-        "limb_reversals_worst_hz": often[limbs].max(initial=0.0) if limbs.any() else np.nan,
+        "limb_reversals_worst_hz": often[limbs].max() if limbs.any() else np.nan,
         "base_reversals_hz": often[base].mean() if base.any() else np.nan,
         "target_jerk": jerk.rms(limbs) / TICK**3 if limbs.any() else np.nan,
     }

@@ -13,7 +13,7 @@ import tyro
 from sumo_dist.bench.campaign.job import Job, Row, common_settings, place, run_trial, task_settings
 from sumo_dist.bench.campaign.processes import processes
 from sumo_dist.bench.campaign.remote import remote_workers
-from sumo_dist.bench.layout import check_at_least, say
+from sumo_dist.bench.layout import check_at_least
 from sumo_dist.bench.results.journal import Journal, Trial
 from sumo_dist.bench.results.outcomes import recording_folder
 from sumo_dist.episode.config import EpisodeConfig
@@ -22,6 +22,7 @@ from sumo_dist.errors import SumoError, TaskError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 from sumo_dist.wire.session import checked_endpoint
 
 

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import tyro
 
 from sumo_dist.bench.campaign.campaign import Campaign, Settings, make_folder
-from sumo_dist.bench.layout import markdown, say
+from sumo_dist.bench.layout import markdown
 from sumo_dist.bench.results.journal import Trial
 from sumo_dist.bench.results.outcomes import CELLS, Count, Row, count_tasks
 from sumo_dist.errors import UsageError
 from sumo_dist.optim import OPTIMIZERS
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 
 
 class Cell(NamedTuple):

@@ -9,12 +9,12 @@ from typing import Annotated, Literal
 import tyro
 
 from sumo_dist.bench.campaign.campaign import Campaign, Settings, make_folder
-from sumo_dist.bench.layout import say
 from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.bench.results.outcomes import JOURNAL, RECORDINGS, REQUEST, Results
 from sumo_dist.bench.results.suites import SUITES, Suite
 from sumo_dist.bench.results.tables import table
 from sumo_dist.errors import UsageError, unknown
+from sumo_dist.terminal import say
 
 
 @dataclass(frozen=True, kw_only=True)

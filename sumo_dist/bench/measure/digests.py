@@ -13,12 +13,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sumo_dist.bench.layout import Result, run_bench, say, table
+from sumo_dist.bench.layout import Result, run_bench, table
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
 from sumo_dist.episode.single import run_single
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 
 EXPECTED = Path(__file__).with_name("digests.json")
 

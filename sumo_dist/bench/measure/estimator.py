@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from sumo_dist.bench.layout import Result, check_at_least, run_bench, say, table
+from sumo_dist.bench.layout import Result, check_at_least, run_bench, table
 from sumo_dist.bench.measure.walks import (
     SETTLE_S,
     VELOCITIES,
@@ -19,6 +19,7 @@ from sumo_dist.bench.measure.walks import (
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.estimate import LowPassConfig
 from sumo_dist.plant.noise import NOMINAL, PLANTS
+from sumo_dist.terminal import say
 
 PROFILES = {"no noise": NOMINAL, "perturbed": PLANTS["perturbed"], "hard": PLANTS["hard"]}
 

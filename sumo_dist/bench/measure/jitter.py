@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, say, table
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, table
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.priority import CHOICES, VARIABLE
 from sumo_dist.provenance import cores
+from sumo_dist.terminal import say
 
 START_S = 60.0  # for the services to come up
 COLUMNS = {

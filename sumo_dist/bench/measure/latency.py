@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.campaign.processes import processes
-from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, markdown, run_bench, say
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, markdown, run_bench
 from sumo_dist.bench.results.stats import wilson
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
@@ -27,6 +27,7 @@ from sumo_dist.planner.planner import Planner
 from sumo_dist.provenance import cores
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 from sumo_dist.timing import TICK, anchor_tick, plan_due
 
 PERIOD_MS = 50  # between plans, on average

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sumo_dist.bench import layout
-from sumo_dist.bench.layout import Result, say
+from sumo_dist.bench.layout import Result
 from sumo_dist.bench.measure.planning import MakePlan, in_process, request
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.robot_link import RobotLink
@@ -24,6 +24,7 @@ from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.provenance import cores
+from sumo_dist.terminal import say
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import EpisodeInfo
 
@@ -95,8 +96,7 @@ def over_zenoh(episode: Episode, workers: int) -> Iterator[MakePlan]:
         for service in others:
             launcher.start(service)
         with Bus.dial(dialled(endpoint), robot.options.robot) as bus:
-            tell = layout.say
-            link = RobotLink(bus, ANSWER_S, threading.Event(), lambda _, s: tell(s), lambda _: None)
+            link = RobotLink(bus, ANSWER_S, threading.Event(), lambda _, s: say(s), lambda _: None)
             info = EpisodeInfo("bench", episode.config.to_json(), episode.problem.hash, 1)
             link.enter(episode, info)
             _await_workers(bus, workers)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench, say, table
+from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench, table
 from sumo_dist.bench.measure.planning import in_process, request
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import timed
@@ -18,6 +18,7 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 from sumo_dist.timing import PLAN_PERIOD
 
 BUDGET_MS = PLAN_PERIOD * 1e3  # of a plan at 20 Hz

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench import layout
-from sumo_dist.bench.layout import Result, say
+from sumo_dist.bench.layout import Result
 from sumo_dist.bench.measure.reference import Reference
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.bench.measure.variant import Round, Variant, interleave, row, timed
@@ -24,6 +24,7 @@ from sumo_dist.provenance import cores
 from sumo_dist.rollout import make_controller, make_engine
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
+from sumo_dist.terminal import say
 
 ROLLOUTS = 32
 

@@ -6,13 +6,13 @@ from typing import Annotated
 
 import tyro
 
-from sumo_dist.bench.layout import say
 from sumo_dist.bench.results.outcomes import Results
 from sumo_dist.bench.results.tables import text
 from sumo_dist.errors import SumoError
 from sumo_dist.extras import need
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.rows import Rows
+from sumo_dist.terminal import say
 
 
 @dataclass(frozen=True)
