@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
-from sumo_dist.math.splines import Order
+from sumo_dist.math.splines import Order, given
 from sumo_dist.model.scene import PLANT
 from sumo_dist.planner.settings import SETTINGS, Execute
 from sumo_dist.timing import TICK
@@ -26,7 +26,8 @@ class PlannerConfig:
         horizon: [s], a whole number of policy steps.
         rollouts: candidates per plan, all iterations and their unperturbed means included.
         nodes: knots per plan.
-        spline: "zero", "linear" or "cubic".
+        spline: "zero", "linear", "cubic" or "smooth", which goes on where the plan before it is,
+            in value and slope: its first two knots, a tick ago and now, are given.
         iterations: optimizer iterations per plan, among which the rollouts are divided.
         decay: each iteration has this factor fewer rollouts than the one before it.
         variance_first, variance_last: noise variance of the first and last node, in normalised
@@ -44,8 +45,8 @@ class PlannerConfig:
     optimizer: str = "cem"
     horizon: float = 1.5
     rollouts: int = 32
-    nodes: int = 4
-    spline: Order = "linear"
+    nodes: int = 5
+    spline: Order = "smooth"
     iterations: int = 1
     decay: float = 1.0
     variance_first: float = 0.02
@@ -64,6 +65,11 @@ class PlannerConfig:
         if self.rollouts < self.iterations:
             raise UsageError(
                 f"{self.iterations} iterations need at least as many rollouts, got {self.rollouts}"
+            )
+        if self.nodes <= given(self.spline):
+            raise UsageError(
+                f"a {self.spline} spline needs at least {given(self.spline) + 1} nodes, "
+                f"got {self.nodes}"
             )
 
     @property

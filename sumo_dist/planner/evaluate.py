@@ -9,6 +9,7 @@ from sumo_dist.costs.blame import defined, fault_of
 from sumo_dist.errors import UsageError
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.plan import actions_of
 from sumo_dist.planner.problem import Problem
 from sumo_dist.rollout.interface import Engine, Rollouts
 from sumo_dist.timing import TICK
@@ -108,7 +109,7 @@ class Evaluator:
                 f"knots have shape {knots.shape}; they need (rollouts, {nodes}, {size})"
             )
         actions = self._problem.task.actions
-        physical = actions.physical(splines.evaluate(self._weights, knots))  # (B, T, nu)
+        physical = actions.physical(actions_of(self._weights, knots))  # (B, T, nu)
         return self._engine.rollout(state, memory, actions.to_command(physical)), physical
 
     def terms(self, rollouts: Rollouts, physical: np.ndarray, parameters: np.ndarray) -> np.ndarray:

@@ -14,8 +14,8 @@ class Plan:
 
     Attributes:
         number: plans are counted from 0.
-        tick: policy tick of the first knot.
-        knots: (K, n) float32 normalised actions.
+        tick: policy tick at which it starts.
+        knots: (K, n) float32 normalised actions, at `splines.knot_times`.
         horizon: [s].
         spline: interpolation order.
     """
@@ -27,11 +27,19 @@ class Plan:
     spline: splines.Order
 
     def at(self, ticks: np.ndarray) -> np.ndarray:
-        """Normalised actions (T, n) at some ticks; the end knots hold outside the horizon."""
+        """Normalised actions (T, n) at some ticks; the end knots hold beyond them."""
         return self.at_times((np.asarray(ticks) - self.tick) * TICK)
 
     def at_times(self, times: np.ndarray) -> np.ndarray:
-        """Normalised actions (T, n) at some times since the first knot [s]."""
-        return splines.evaluate(
+        """Normalised actions (T, n) at some times since the start [s]."""
+        return actions_of(
             splines.weights(self.spline, len(self.knots), self.horizon, times), self.knots
         )
+
+
+def actions_of(weights: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Normalised actions (..., T, n) of knots (..., K, n), by the weights (T, K) of their spline.
+
+    A cubic between knots at the end of the range would leave it; an action never does.
+    """
+    return np.clip(splines.evaluate(weights, knots), -1.0, 1.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sumo_dist.costs.table import CostSettings
+from sumo_dist.math import splines
 from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
@@ -60,7 +61,7 @@ class Planner:
     """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result.
 
     The paper's symbols: a, the action (a spline through knots, in normalised units); mu and sigma,
-    mean and scale of the noise over its knots; g, the map to the policy's command; J, the cost of
+    mean and scale of the noise over those of its knots that are searched; g, the map to the policy's command; J, the cost of
     a rollout s' = f(s, policy(s, g(a))).
     """
 
@@ -70,33 +71,34 @@ class Planner:
         self._actions = actions
         self._seed = seed
         self._optimizer = make_optimizer(config.optimizer, config.elites, config.temperature)
-        self._sigma = noise_ramp(
-            config.variance_first, config.variance_last, config.nodes, actions.size
-        )
-        self._sigma[:, actions.base] *= config.base_noise
-        self._coloring = coloring(config.noise_exponent, config.nodes)
-        self._node_times = np.linspace(0.0, config.horizon, config.nodes)
+        self._node_times = splines.knot_times(config.spline, config.nodes, config.horizon)
+        self._given = splines.given(config.spline)
+        self._sigma = self._noise()
+        self._coloring = coloring(config.noise_exponent, len(self._sigma))
 
     def plan(
         self, request: PlanRequest, evaluate: Evaluate, rollouts: int | None = None
     ) -> PlanResult:
         """Run the iterations of one plan; `rollouts` takes the place of the configured number."""
         config = self.config if rollouts is None else replace(self.config, rollouts=rollouts)
-        belief = Belief(self.shifted(request), self._sigma)  # mu: the last plan, shifted; (K, n)
+        given, free = np.split(self.shifted(request), [self._given])
+        belief = Belief(free, self._sigma)  # mu: the last plan, shifted; (F, n)
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
-            knots = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, K, n)
-            evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
+            drawn = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, F, n)
+            # roll out f(s, policy(s, g(a)))
+            evaluation = evaluate(request, iteration, _after(given, drawn))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)
-            belief = self._optimizer.update(belief, knots, costs)  # CEM: mu is the elites' mean
+            belief = self._optimizer.update(belief, drawn, costs)  # CEM: mu is the elites' mean
             row = int(np.argmin(costs))
             if costs[row] < lowest:
-                best, lowest = knots[row], costs[row]
+                best, lowest = drawn[row], costs[row]
         assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
-        plan = self._anchored(request, chosen)  # followed until the next one comes
+        knots = _after(given, np.clip(chosen, -1.0, 1.0)[None])[0]
+        plan = Plan(request.number, request.tick, knots, config.horizon, config.spline)  # followed until the next one comes
         return PlanResult(plan, evaluation, request.cost, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:
@@ -107,10 +109,20 @@ class Planner:
         elapsed = self._node_times + (request.tick - request.previous.tick) * TICK
         return request.previous.at_times(elapsed)
 
-    def _anchored(self, request: PlanRequest, mean: np.ndarray) -> Plan:
-        knots = np.clip(mean, -1.0, 1.0).astype(np.float32)
-        return Plan(request.number, request.tick, knots, self.config.horizon, self.config.spline)
+    def _noise(self) -> np.ndarray:
+        """Standard deviations (F, n) of the knots that are searched."""
+        config, ahead = self.config, int((self._node_times >= 0.0).sum())
+        ramp = noise_ramp(config.variance_first, config.variance_last, ahead, self._actions.size)
+        sigma = ramp[ahead - (config.nodes - self._given) :]
+        sigma[:, self._actions.base] *= config.base_noise
+        return sigma
 
     def _rng(self, number: int, iteration: int) -> np.random.Generator:
         bits = np.random.Philox(key=[self._seed, number], counter=[0, 0, 0, iteration])
         return np.random.Generator(bits)
+
+
+def _after(given: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Put the knots (g, n) that are given before those (B, F, n) that are searched; float32."""
+    before = np.broadcast_to(given, (len(free), *given.shape))
+    return np.concatenate([before, free], axis=1).astype(np.float32)

@@ -10,23 +10,23 @@ from sumo_dist.planner.config import PRESETS, PlannerConfig
 from sumo_dist.planner.problem import planning_options
 
 
-def test_defaults_are_the_papers_but_for_the_noise_of_the_base():
+def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
     config = PlannerConfig()
-    assert config.base_noise == 2.0
-    assert (config.horizon, config.rollouts, config.nodes, config.elites) == (1.5, 32, 4, 3)
+    assert (config.horizon, config.steps) == (1.5, 75)
     assert (config.variance_first, config.variance_last) == (0.02, 0.6)
-    assert (config.optimizer, config.spline, config.steps) == ("cem", "linear", 75)
+    assert (config.spline, config.nodes) == ("smooth", 5)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"optimizer": "sgd"}, "unknown optimizer 'sgd'; valid: cem, cma, icem, mppi, ps"),
-        ({"spline": "quintic"}, "unknown spline 'quintic'; valid: cubic, linear, zero"),
+        ({"spline": "quintic"}, "unknown spline 'quintic'; valid: cubic, linear, smooth, zero"),
         ({"rollouts": 0}, "rollouts must be from 1 to"),
         ({"rollouts": 10**9}, "rollouts must be from 1 to"),
         ({"nodes": 0}, "nodes must be from 1 to"),
         ({"nodes": 10**6}, "nodes must be from 1 to"),
+        ({"nodes": 2}, "a smooth spline needs at least 3 nodes, got 2"),
         ({"iterations": 0}, "iterations must be from 1 to"),
         ({"iterations": 33}, "33 iterations need at least as many rollouts, got 32"),
         ({"decay": 0.9}, "decay must be from 1 to 10, got 0.9"),

@@ -6,7 +6,7 @@ import pytest
 from sumo_dist.costs.terms import CostTerm
 from sumo_dist.errors import TaskError, UsageError
 from sumo_dist.planner.evaluate import TRACE_POINTS, Evaluation, Evaluator
-from sumo_dist.timing import TICK
+from sumo_dist.planner.plan import Plan
 
 
 @pytest.fixture(scope="module")
@@ -93,18 +93,17 @@ def test_the_traces_end_where_the_rollout_ends(
     """The last trace point is the frame's position after the last policy step."""
     state, memory = start
     actions = problem.task.actions
-    steps = np.linspace(0.0, config.horizon, config.nodes)
-    times = np.arange(config.steps) * TICK
-    unit = np.stack([np.interp(times, steps, knots[0, :, i]) for i in range(actions.size)], axis=-1)
+    plan = Plan(0, 0, knots[0], config.horizon, config.spline)
+    unit = plan.at(np.arange(config.steps))
     rollouts = engine.rollout(state, memory, actions.commands(unit)[None])
     trails = [problem.layout.names.index(name) for name in problem.task.trails]
     traces = evaluator(state, memory, usual, knots[:1]).traces
     assert traces[0, :, -1] == pytest.approx(rollouts.positions[0, -1, trails], abs=1e-4)
 
 
-@pytest.mark.parametrize("shape", [(2, 3, 9), (2, 5, 9), (2, 4, 8), (4, 9)])
+@pytest.mark.parametrize("shape", [(2, 4, 9), (2, 6, 9), (2, 5, 8), (5, 9)])
 def test_knots_of_another_shape_are_refused(evaluator, start, usual, shape):
-    with pytest.raises(UsageError, match=r"knots have shape .*; they need \(rollouts, 4, 9\)"):
+    with pytest.raises(UsageError, match=r"knots have shape .*; they need \(rollouts, 5, 9\)"):
         evaluator(*start, usual, np.zeros(shape, np.float32))
 
 

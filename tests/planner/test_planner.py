@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,14 +46,17 @@ def all_lost(request, iteration, knots):
     return evaluation(np.full(len(knots), np.inf))
 
 
+LINEAR = PlannerConfig(spline="linear", nodes=4)
+
+
 def test_the_first_plan_starts_from_standing_still():
     knots = Planner(PlannerConfig(), ACTIONS, seed=0).shifted(request())
-    assert knots.shape == (4, N)
+    assert knots.shape == (5, N)
     assert np.allclose(ACTIONS.physical(knots), ACTIONS.default)
 
 
 def test_the_mean_is_the_previous_plan_at_the_new_node_times():
-    planner, previous = Planner(PlannerConfig(), ACTIONS, seed=0), previous_plan()
+    planner, previous = Planner(LINEAR, ACTIONS, seed=0), previous_plan()
     knots = planner.shifted(request(number=1, tick=5, previous=previous))
     times = np.array([0.1, 0.6, 1.1, 1.6])  # 5 ticks later; the last is beyond the horizon
     assert knots == pytest.approx(previous.at_times(times))
@@ -61,13 +66,13 @@ def test_the_mean_is_the_previous_plan_at_the_new_node_times():
 def test_a_shift_keeps_what_the_spline_says():
     """Where old and new nodes coincide, the shifted plan is the old one, moved by a node."""
     previous = previous_plan()
-    planner = Planner(PlannerConfig(), ACTIONS, seed=0)
+    planner = Planner(LINEAR, ACTIONS, seed=0)
     knots = planner.shifted(request(number=10, tick=25, previous=previous))  # 0.5 s: one node
     assert knots[:-1] == pytest.approx(previous.knots[1:])
 
 
 def test_candidates_are_the_shifted_plan_and_noise_around_it():
-    bowl, planner = Bowl(), Planner(PlannerConfig(rollouts=16), ACTIONS, seed=0)
+    bowl, planner = Bowl(), Planner(replace(LINEAR, rollouts=16), ACTIONS, seed=0)
     asked_for = request(number=1, tick=2, previous=previous_plan())
     planner.plan(asked_for, bowl)
     (knots,) = bowl.asked
@@ -92,6 +97,22 @@ def test_a_planner_keeps_nothing_between_plans():
     first = planner.plan(request(3), Bowl()).plan.knots
     planner.plan(request(4, tick=10, previous=previous_plan()), Bowl())
     assert np.array_equal(planner.plan(request(3), Bowl()).plan.knots, first)
+
+
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_a_smooth_plan_goes_on_where_the_last_one_is(optimizer):
+    """In value and slope, for every candidate and the plan: no step at the joints when it begins."""
+    config, bowl = PlannerConfig(optimizer, rollouts=16, iterations=2), Bowl()
+    planner = Planner(config, ACTIONS, seed=0)
+    first = planner.plan(request(0), Bowl()).plan
+    result = planner.plan(request(1, tick=3, previous=first), bowl)
+    before, now = first.at(np.array([2, 3]))
+    for knots in (*np.concatenate(bowl.asked), result.plan.knots):
+        assert knots[:2] == pytest.approx(np.array([before, now]), abs=1e-6)
+    actions = np.concatenate([first.at(np.arange(4)), result.plan.at(np.arange(4, 9))])
+    jumps = np.abs(np.diff(actions, axis=0)).max(axis=0)
+    assert not np.array_equal(result.plan.knots[2:], planner.shifted(request(1, 3, first))[2:])
+    assert jumps.max() < 0.15  # at 0.5 s the knots are up to 2 away
 
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
@@ -169,8 +190,8 @@ def test_the_best_candidate_of_all_iterations_can_be_executed():
 def test_coloured_noise_makes_neighbouring_nodes_move_together():
     def together(exponent):
         bowl = Bowl()
-        config = PlannerConfig(
-            rollouts=4000, variance_first=0.01, variance_last=0.01, noise_exponent=exponent
+        config = replace(
+            LINEAR, rollouts=4000, variance_first=0.01, variance_last=0.01, noise_exponent=exponent
         )
         Planner(config, ACTIONS, seed=0).plan(request(), bowl)
         noise = bowl.asked[0][1:, :, 0]  # of a dimension that starts in the middle of its range
