@@ -36,6 +36,7 @@ MEASURES = {
     "limb_reversals_worst_hz": Measure("worst limb [1/s]", "{:.1f}"),
     "base_reversals_hz": Measure("base reversals [1/s]", "{:.1f}"),
     "target_jerk": Measure("target jerk [rad/s^3]", "{:.0f}"),
+    "limb_jerk": Measure("limb jerk [rad/s^3]", "{:.0f}"),
     "joint_jerk": Measure("joint jerk [rad/s^3]", "{:.0f}"),
     "floor_penetration_mm": Measure("into floor [mm]", "{:.1f}"),
     "object_penetration_mm": Measure("into objects [mm]", "{:.1f}"),
@@ -49,8 +50,8 @@ def measure(recording: Recording, task: Task, model: mujoco.MjModel) -> dict[str
     A reversal is a change of the direction in which a target moves. Targets are the actions that
     the robot followed, those of the base being velocities. They are counted per dimension: the
     mean over the limbs', the limb that reverses most often, and the mean over the base's. Jerk is
-    the root mean square over ticks and joints: of the limbs' targets, and of all the robot's
-    joints. The robot's deepest contacts are those with what does not move and with what does. Work
+    the root mean square over ticks and joints: of the limbs' targets, of the joints that follow
+    them, and of all the robot's joints, most of which is the gait's. The robot's deepest contacts are those with what does not move and with what does. Work
     is the integral of |torque x speed| over the joints.
 
     Args:
@@ -74,6 +75,7 @@ def measure(recording: Recording, task: Task, model: mujoco.MjModel) -> dict[str
         joints.add(state[model.nq + robot.dofs])
     found = {
         **_of_targets(changes, searched & ~is_base, searched & is_base),
+        "limb_jerk": joints.rms(_followers(task)) / TICK**2,
         "joint_jerk": joints.rms() / TICK**2,
         **_of_contacts(recording, robot),
     }
@@ -85,6 +87,17 @@ def mean(rows: Iterable[dict[str, float]]) -> dict[str, float]:
     rows = list(rows)
     of = {name: [row[name] for row in rows if name in row] for name in MEASURES}
     return {name: float(np.mean(values)) for name, values in of.items() if values}
+
+
+def _followers(task: Task) -> np.ndarray:
+    """Which of the robot's joints follow a target of the plan, (nu,) bool."""
+    targets = {task.actions.names[i] for i in task.actions.searched}
+    return np.array(
+        [
+            name.removesuffix("_joint") in targets or name in targets
+            for name in task.scene.robot.joints
+        ]
+    )
 
 
 def _of_targets(changes: "Changes", limbs: np.ndarray, base: np.ndarray) -> dict[str, float]:
@@ -121,7 +134,8 @@ class Differences:
 
     def rms(self, which: np.ndarray | slice = slice(None)) -> float:
         """Root of the mean square over values and dimensions; nan if too few came."""
-        return float(np.sqrt(np.mean(self._sum[which] / self._count))) if self._count else np.nan
+        squares = self._sum[which] if self._count else np.zeros(0)
+        return float(np.sqrt(np.mean(squares / self._count))) if len(squares) else np.nan
 
 
 @dataclass

@@ -98,7 +98,9 @@ class Planner:
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
         knots = _after(given, np.clip(chosen, -1.0, 1.0)[None])[0]
-        plan = Plan(request.number, request.tick, knots, config.horizon, config.spline)  # followed until the next one comes
+        plan = Plan(
+            request.number, request.tick, knots, config.horizon, config.spline
+        )  # followed until the next one comes
         return PlanResult(plan, evaluation, request.cost, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:

@@ -86,6 +86,22 @@ def test_a_robot_that_is_let_into_the_floor_is_that_deep(short_run, model):
     assert sinks == pytest.approx(30, abs=3)
 
 
+@pytest.mark.parametrize(("task", "arms"), [("spot/move_box", 6), ("g1/box_push", 8)])
+def test_limb_jerk_is_of_the_joints_that_follow_a_target(task, arms):
+    assert motion._followers(load_task(task)).sum() == arms
+
+
+def test_shaking_a_leg_is_no_limb_jerk(short_run, model):
+    shaken = replace(short_run, states=Rows())
+    for i, state in enumerate(short_run.states):
+        turned = state.copy()
+        turned[model.nq + model.joint("fl_kn").dofadr[0]] += 20.0 * (i % 2)
+        shaken.states.append(turned)
+    before, after = short_run.motion, measure(shaken, TASK, model)
+    assert after["limb_jerk"] == before["limb_jerk"] > 0
+    assert after["joint_jerk"] > 2 * before["joint_jerk"]
+
+
 def test_standing_still_is_no_work(short_run, model):
     still = replace(short_run, states=Rows(), targets=Rows())
     for state, targets in zip(short_run.states, short_run.targets, strict=False):

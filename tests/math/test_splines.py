@@ -98,5 +98,7 @@ def test_a_row_has_the_same_bits_in_any_batch(order, count, rows, seed):
 
 
 def test_unknown_order_names_the_valid_ones():
-    with pytest.raises(UsageError, match="unknown spline 'quintic'; valid: cubic, linear, smooth, zero"):
+    with pytest.raises(
+        UsageError, match="unknown spline 'quintic'; valid: cubic, linear, smooth, zero"
+    ):
         weights("quintic", 4, 1.5, np.zeros(1))
