@@ -95,6 +95,10 @@ COMMANDS = {
     "bench optimizers": Command(
         "Compare the optimizers at the same budgets", "sumo_dist.bench.campaign.optimizers"
     ),
+    "bench success-cost": Command(
+        "Compare planner settings: CPU time per solved task",
+        "sumo_dist.bench.campaign.success_cost",
+    ),
     "bench suite": Command("Run a suite of the benchmark", "sumo_dist.bench.campaign.suite"),
     "bench report": Command(
         "Write a suite's results as a page and a table", "sumo_dist.bench.results.publish"
@@ -203,7 +207,7 @@ def _within(group: str) -> list[str]:
 
 
 def _overview(group: str = "") -> str:
-    rows = (f"  {name:<18}{COMMANDS[name].summary}" for name in _within(group))
+    rows = (f"  {name:<20}{COMMANDS[name].summary}" for name in _within(group))
     what = f"{group} COMMAND" if group else "COMMAND"
     lines = [f"usage: sumo-dist {what} [options]", "", *rows, ""]
     return "\n".join([*lines, f"sumo-dist {what} --help says more."])

@@ -24,6 +24,7 @@ class LocalPlanning:
         self._engine: Engine | None = None
         self._rollout_s = 0.0
         self.traces = np.empty(0, np.float32)  # of the newest plan: see Evaluation.traces
+        self.cpu_ms = 0.0  # that the newest plan took, of all threads of this process
 
     def __enter__(self) -> Self:
         self._turn_to(self._config.planner)
@@ -39,10 +40,11 @@ class LocalPlanning:
             TaskError: a cost term raises, or is the reason that no candidate has a cost.
         """
         planner = self._turn_to(settings)
-        began = time.perf_counter()
+        began, cpu_began = time.perf_counter(), time.process_time()
         self._rollout_s = 0.0
         result = planner.plan(request, self._evaluate)
         plan_s = time.perf_counter() - began
+        self.cpu_ms = (time.process_time() - cpu_began) * 1e3
         if result.failed:
             start = request.state, request.memory, request.cost.parameters
             self._evaluator.blame(*start, planner.shifted(request)[None])

@@ -45,6 +45,7 @@ def run_single(
         def make_plan(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
             report = planning(request, planner)
             episode.recording.add_traces(planning.traces)
+            episode.recording.plan_cpu_ms.append(planning.cpu_ms)
             on_plan(report)
             return report
 

@@ -25,6 +25,7 @@ _PLANS = (
     *("plan_numbers", "plan_ticks", "plan_ms", "age_ticks", "lost", "reissued", "rollouts"),
     *("knots", "costs", "terms", "weights", "parameters"),
 )
+_PLANS_OF_ONE_PROCESS = ("traces", "plan_cpu_ms")  # that a distributed run does not have
 
 
 @dataclass
@@ -48,6 +49,8 @@ class Recording:
         weights, parameters: per plan, (n_terms,) and (n,), that it was made with.
         traces: per plan, (B, F, P, 3) candidate paths, as many as costs; empty in a distributed
             run, whose tracer writes them to the .rrd.
+        plan_cpu_ms: per plan, CPU time of all threads of the process [ms]; empty in a distributed
+            run, and in recordings of older versions.
         late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
         actions: per tick in which a plan was followed, (nu,) the action, in its own units.
         targets: (nu,) joint targets in the order they were sent, what the servos were told [rad].
@@ -75,6 +78,7 @@ class Recording:
     weights: Rows = field(default_factory=Rows)
     parameters: Rows = field(default_factory=Rows)
     traces: Rows = field(default_factory=Rows)
+    plan_cpu_ms: Rows = field(default_factory=Rows)
     late_ms: Rows = field(default_factory=Rows)
     actions: Rows = field(default_factory=Rows)
     targets: Rows = field(default_factory=Rows)
@@ -116,7 +120,7 @@ class Recording:
 
     def cut(self, ticks: int, plans: int) -> None:
         """Drop what comes after so many ticks and plans."""
-        for names, length in ((_TICKS, ticks), ((*_PLANS, "traces"), plans)):
+        for names, length in ((_TICKS, ticks), ((*_PLANS, *_PLANS_OF_ONE_PROCESS), plans)):
             for name in names:
                 getattr(self, name).cut(length)
 

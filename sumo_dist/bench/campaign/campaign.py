@@ -16,6 +16,7 @@ from sumo_dist.bench.campaign.remote import remote_workers
 from sumo_dist.bench.layout import check_at_least
 from sumo_dist.bench.results.journal import Journal, Trial
 from sumo_dist.bench.results.outcomes import recording_folder
+from sumo_dist.bench.results.suites import SUITES
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
 from sumo_dist.errors import SumoError, TaskError, UsageError
@@ -90,18 +91,22 @@ class Settings:
 class Campaign:
     """Runs trials of some tasks and keeps their rows in a journal."""
 
-    def __init__(self, settings: Settings, trials: Sequence[Trial], path: Path) -> None:
+    def __init__(
+        self, settings: Settings, trials: Sequence[Trial], path: Path, name: str = ""
+    ) -> None:
         """Check everything that can be wrong before hours are spent, and read what is done.
 
         Args:
             settings: of all trials.
             trials: in the order they are run in.
             path: of the journal.
+            name: tells it from those that are run beside it.
 
         Raises:
             UsageError: a setting is wrong, or the journal was made with other settings.
         """
         self.trials = trials
+        self.name = name
         self._jobs = cores() if settings.jobs is None else settings.jobs
         self._listen = settings.listen
         self._episodes = {trial: settings.episode(trial.task, trial.seed) for trial in trials}
@@ -121,6 +126,30 @@ class Campaign:
             SumoError: the process of a trial died, or its task did not load there; all others
                 were run.
         """
+        for job, row in self._run_each(self._lacking(recordings)):
+            self._note(job, row)
+
+    @staticmethod
+    def run_together(campaigns: Sequence["Campaign"]) -> None:
+        """Run what the journals lack, each trial in all campaigns before the next trial.
+
+        So whatever else the machine does meanwhile slows all of them alike.
+
+        Args:
+            campaigns: of the same trials, that differ in their names and in the planner's settings.
+
+        Raises:
+            SumoError: as of `run`.
+        """
+        first, named = campaigns[0], {campaign.name: campaign for campaign in campaigns}
+        turn = {trial: number for number, trial in enumerate(first.trials)}
+        todo = [job for campaign in campaigns for job in campaign._lacking()]
+        todo.sort(key=lambda job: turn[job.trial])
+        for job, row in first._run_each(todo):
+            named[job.cell]._note(job, row)
+
+    def _lacking(self, recordings: Path | None = None) -> list[Job]:
+        """Return what the journal lacks, and say how much it has."""
         todo = [
             self._job(trial, recording_folder(recordings, trial) if recordings else None)
             for trial in self.trials
@@ -128,9 +157,11 @@ class Campaign:
         ]
         if done := len(self.trials) - len(todo):
             say(f"{self._journal.path} has {done} of {len(self.trials)} trials, {len(todo)} to go")
-        for job, row in self._run_each(todo):
-            self._journal.append(row)
-            say(f"{place(job)}: {_ending(row)}")
+        return todo
+
+    def _note(self, job: Job, row: Row) -> None:
+        self._journal.append(row)
+        say(f"{place(job)}: {_ending(row)}")
 
     def record(self, trials: Iterable[Trial], recordings: Path) -> None:
         """Run finished trials again for the recordings that are not there yet.
@@ -166,7 +197,7 @@ class Campaign:
 
     def _job(self, trial: Trial, folder: Path | None, digest: str | None = None) -> Job:
         settings = {**trial._asdict(), **self._settings(trial), **self._about}
-        return Job(trial, self._episodes[trial], settings, folder, digest)
+        return Job(trial, self._episodes[trial], settings, folder, digest, self.name)
 
     def _run_each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
         """Yield jobs with their rows; recordings are made here, where their folder is."""
@@ -195,6 +226,17 @@ class Campaign:
             raise SumoError(
                 f"the processes of {died} trials died (out of memory?); run again to repeat them"
             )
+
+
+def named_tasks(text: str) -> list[str]:
+    """Return the tasks that names mean: of tasks, files or suites, separated by commas."""
+    found = dict[str, None]()
+    for name in text.split(","):
+        if name in SUITES:
+            found |= dict.fromkeys(SUITES[name].figures)
+        else:
+            found[load_task(name).source] = None
+    return [*found]
 
 
 def make_folder(out: Path) -> None:

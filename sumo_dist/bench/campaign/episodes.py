@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sumo_dist.bench.campaign.campaign import Campaign, Settings
+from sumo_dist.bench.campaign.campaign import Campaign, Settings, named_tasks
 from sumo_dist.bench.layout import markdown
 from sumo_dist.bench.results.journal import Trial
 from sumo_dist.bench.results.outcomes import CELLS, count_tasks
-from sumo_dist.tasks import load_task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +16,7 @@ class Options(Settings):
     """Options of `bench episodes`.
 
     Attributes:
-        tasks: names, separated by commas; `sumo-dist list` names all.
+        tasks: names of tasks, files or suites, separated by commas.
         out: file that gets one JSON object per trial; a campaign that was killed goes on from it.
         recordings: folder that gets each trial's recording, for `sumo-dist replay`.
     """
@@ -29,8 +28,7 @@ class Options(Settings):
 
 def main(options: Options) -> int:
     """Run what the file lacks, print the table; 3 if a trial's process died or a fault ended it."""
-    tasks = dict.fromkeys(load_task(name).source for name in options.tasks.split(","))
-    trials = [Trial(task, seed) for task in tasks for seed in options.seeds]
+    trials = [Trial(task, seed) for task in named_tasks(options.tasks) for seed in options.seeds]
     campaign = Campaign(options, trials, options.out)
     campaign.run(options.recordings)
     print(table(campaign.rows()))

@@ -41,6 +41,7 @@ class Job:
         settings: what its row carries to be told from trials of other settings.
         folder: for its recording, if wanted.
         digest: of the states of the same trial before, which must come out again.
+        cell: name of the campaign that it is of, where several are run side by side.
     """
 
     trial: Trial
@@ -48,6 +49,7 @@ class Job:
     settings: Mapping[str, Any]
     folder: Path | None = None
     digest: str | None = None
+    cell: str = ""
 
 
 def run_alone(question: tuple[str, str]) -> Row:
@@ -160,4 +162,5 @@ def task_settings(episode: EpisodeConfig) -> Row:
 def place(job: Job) -> str:
     """Name a trial in what is said of it."""
     standing = ", standing" if job.trial.variant == STANDING else ""
-    return f"{job.trial.task} seed {job.trial.seed}{standing}"
+    cell = f", {job.cell}" if job.cell else ""
+    return f"{job.trial.task} seed {job.trial.seed}{standing}{cell}"

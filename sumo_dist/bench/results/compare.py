@@ -1,5 +1,6 @@
 """`sumo-dist bench compare`: what changed between two campaigns, and whether it is significant."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,9 @@ from typing import Annotated, Any, NamedTuple
 import tyro
 
 from sumo_dist.bench.layout import markdown
+from sumo_dist.bench.results.cost import HEAD as COST_HEAD
+from sumo_dist.bench.results.cost import NOTE as COST_NOTE
+from sumo_dist.bench.results.cost import Cost, cost_cells
 from sumo_dist.bench.results.journal import PLANNED, USUAL, read_rows
 from sumo_dist.bench.results.outcomes import JOURNAL, Count, Row, count_tasks
 from sumo_dist.bench.results.stats import ALPHA, Ratio, fisher, holm, newcombe, paired_ratio
@@ -88,6 +92,7 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
         verdicts.append(sentence(total, total.p, total.times.p if total.times else 1.0))
         changes.append(total)
     motion = [line for change in changes for line in motion_lines(change)]
+    costs = [line for change in changes for line in cost_lines(change)]
     settings = differences(a, b) or ["All settings are the same."]
     settings += [f"only one of the two has {task}" for task in alone]
     return "\n\n".join(
@@ -96,6 +101,7 @@ def text(a: Sequence[Row], b: Sequence[Row], name_a: str, name_b: str) -> str:
             markdown(HEAD, [cells(change) for change in changes]),
             bullets(verdicts),
             NOTE,
+            *(["## Cost", COST_NOTE, markdown(("task", *COST_HEAD), costs)] if costs else []),
             *(["## Motion", MOTION_NOTE, markdown(MOTION_HEAD, motion)] if motion else []),
             f"## What differs\n\n{bullets(settings)}",
         )
@@ -150,6 +156,24 @@ def motion_lines(change: Change) -> list[list[str]]:
         [f"{change.a.task}, A", *motion_cells(a)],
         [f"{change.a.task}, B", *motion_cells(b)],
         ["B / A", *ratios],
+    ]
+
+
+def cost_lines(change: Change) -> list[tuple[str, ...]]:
+    """Return what a task cost in both, and of B the share of A's; empty if one does not say."""
+    a, b = Cost.of(change.a.rows), Cost.of(change.b.rows)
+    if a is None or b is None:
+        return []
+    both_solved = math.isfinite(a.solved_s) and math.isfinite(b.solved_s)
+    return [
+        (f"{change.a.task}, A", *cost_cells(a)),
+        (f"{change.a.task}, B", *cost_cells(b)),
+        (
+            "B / A",
+            f"{b.plan_ms / a.plan_ms:.2f}",
+            f"{b.solved_s / a.solved_s:.2f}" if both_solved else "-",
+            "-",
+        ),
     ]
 
 

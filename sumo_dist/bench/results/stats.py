@@ -4,7 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 ALPHA = 0.05  # a difference is significant below this
+BOOTSTRAPS = 5000
 Z95 = 1.959964  # standard normal quantile of a two-sided 95 % interval
 
 
@@ -45,6 +48,22 @@ def newcombe(successes: tuple[int, int], trials: tuple[int, int]) -> tuple[float
     low = q - p - math.hypot(q - low_q, high_p - p)
     high = q - p + math.hypot(high_q - q, p - low_p)
     return low, high
+
+
+def bootstrap_ratio(
+    numerators: Sequence[float], denominators: Sequence[float]
+) -> tuple[float, float]:
+    """95 % interval of the ratio of two sums over the same samples, by the bootstrap.
+
+    Returns:
+        Its ends; infinite where the samples drawn may have a sum of denominators that is 0.
+    """
+    n = len(numerators)
+    drawn = np.random.default_rng(0).multinomial(n, np.full(n, 1 / n), BOOTSTRAPS)  # how often each
+    above, below = (drawn @ np.array(sums, float) for sums in (numerators, denominators))
+    ratios = np.divide(above, below, out=np.full(BOOTSTRAPS, np.inf), where=below > 0)
+    low, high = np.quantile(ratios, (0.025, 0.975), method="inverted_cdf")  # between infinities
+    return float(low), float(high)
 
 
 def paired_ratio(first: Sequence[float], second: Sequence[float]) -> Ratio:
