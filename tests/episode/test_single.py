@@ -1,5 +1,6 @@
 """The closed loop in one process: plan, policy, plant."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,15 @@ def test_two_seconds_with_default_settings():
     assert list(recording.plan_numbers) == list(range(40))
     assert list(recording.plan_ticks) == [anchor_tick(number) for number in range(40)]
     assert np.isfinite(recording.costs).all()
+
+
+def test_every_plan_has_its_cpu_time_and_the_plant_has_none_of_it():
+    before = time.process_time()
+    recording, _ = run(time_limit=0.3, threads=2)
+    process_ms = (time.process_time() - before) * 1e3
+    assert len(recording.plan_cpu_ms) == len(recording.plan_numbers)
+    assert min(recording.plan_cpu_ms) > 0
+    assert sum(recording.plan_cpu_ms) < process_ms
 
 
 def test_the_same_seed_gives_the_same_bits(quick):

@@ -110,6 +110,14 @@ def test_a_run_that_ended_before_it_began_is_accounted_for():
     json.dumps(summary, allow_nan=False)
 
 
+def test_what_planning_cost_is_known_where_one_process_did_it(recording):
+    summary = summarise(recording, TIMEOUT.after(1.0))
+    assert (summary["plan_cpu_ms"], summary["plan_cpu_s"]) == (None, None)
+    recording.plan_cpu_ms = Rows([100.0, 200.0, 300.0, 600.0])
+    summary = summarise(recording, TIMEOUT.after(1.0))
+    assert (summary["plan_cpu_ms"], summary["plan_cpu_s"]) == (300.0, 1.2)
+
+
 def test_digests_name_the_bits(recording):
     before = summarise(recording, TIMEOUT.after(1.0))
     again = summarise(recording, TIMEOUT.after(1.0))

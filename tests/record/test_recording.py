@@ -91,9 +91,10 @@ def test_what_comes_after_is_cut(short_run):
         recording.add_tick(np.full(3, tick), np.full(3, tick), np.zeros(2))
         recording.add_plan(report(6))
         recording.add_traces(np.zeros((6, 2, 25, 3)))
+        recording.plan_cpu_ms.append(1.0)
     recording.cut(3, 2)
     assert [len(x) for x in (recording.states, recording.estimates, recording.memories)] == [3] * 3
     plans = (recording.plan_numbers, recording.weights, recording.costs, recording.traces)
-    assert [len(rows) for rows in plans] == [2] * 4
+    assert [len(rows) for rows in (*plans, recording.plan_cpu_ms)] == [2] * 5
     recording.cut(9, 9)
     assert (len(recording.states), len(recording.knots)) == (3, 2)

@@ -2,8 +2,6 @@ import json
 
 import pytest
 
-from sumo_dist.bench.campaign import optimizers
-from sumo_dist.bench.campaign.optimizers import Cell
 from sumo_dist.cli import main
 
 SMALL = ("--tasks", "spot/move_box", "--trials", "1", "--time-limit", "0.1", "--jobs", "2")
@@ -18,10 +16,17 @@ def rows(path):
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
+def counts(table):
+    return [line.split("|")[1:7] for line in table.splitlines() if line.startswith("| ")]
+
+
 def test_every_cell_has_a_journal_of_its_own_and_is_not_run_twice(tmp_path, capsys):
     cells = ("--optimizers", "icem,cem", "--budgets", "4,6")
     assert bench(tmp_path, *cells) == 0
     table = capsys.readouterr().out
+    assert table.startswith("## spot/move_box")
+    lines = [line[0].strip() for line in counts(table)[2:]]
+    assert lines == ["icem-4", "cem-4", "icem-6", "cem-6"]
     names = ["cem-4.jsonl", "cem-6.jsonl", "icem-4.jsonl", "icem-6.jsonl"]
     assert sorted(path.name for path in tmp_path.iterdir()) == names
 
@@ -35,26 +40,10 @@ def test_every_cell_has_a_journal_of_its_own_and_is_not_run_twice(tmp_path, caps
     kept = (tmp_path / "cem-4.jsonl").read_text()
     assert bench(tmp_path, *cells) == 0
     again = capsys.readouterr()
-    assert again.out == table
+    assert counts(again.out) == counts(table)  # CPU time is not the same twice
     assert again.err.count("has 1 of 1 trials, 0 to go") == 3
     assert (tmp_path / "cem-4.jsonl").read_text() == kept
     assert rows(tmp_path / "icem-6.jsonl")[0]["state_digest"] == icem["state_digest"]
-
-
-def test_the_table_counts_each_cell_by_task_and_in_all(make_row):
-    found = {
-        Cell("cem", 16): [make_row("a", 1, 4.0), make_row("a", 2), make_row("b", 1, 6.0)],
-        Cell("cma", 32): [make_row("a", 1, 5.0)],
-    }
-    lines = optimizers.table(found).splitlines()[2:]
-    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
-    wide, whole = ("0.09 to 0.91", "0.21 to 1.00")
-    assert cells == [
-        ["cem", "16", "a", "1/2", "0.50", wide, "4.00", "4.00", "success 1, timeout 1"],
-        ["cem", "16", "b", "1/1", "1.00", whole, "6.00", "6.00", "success 1"],
-        ["cem", "16", "all", "2/3", "0.67", "0.21 to 0.94", "5.00", "5.00", "success 2, timeout 1"],
-        ["cma", "32", "a", "1/1", "1.00", whole, "5.00", "5.00", "success 1"],
-    ]
 
 
 @pytest.mark.parametrize(

@@ -120,3 +120,22 @@ def test_there_is_no_motion_to_compare_if_only_one_was_measured(campaign, capsys
     a = campaign("a.jsonl", {BOX: [4.0]}, motion={"work_j": 200.0})
     assert main(["bench", "compare", a, campaign("b.jsonl", {BOX: [4.0]})]) == 0
     assert "Motion" not in capsys.readouterr().out
+
+
+def test_cost_stands_beside_and_as_a_ratio(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0, 4.0]}, plan_cpu_ms=40.0, plan_cpu_s=6.0)
+    b = campaign("b.jsonl", {BOX: [4.0, None]}, plan_cpu_ms=10.0, plan_cpu_s=1.5)
+    assert main(["bench", "compare", a, b]) == 0
+    out = capsys.readouterr().out
+    assert cells(out, f"{BOX}, A")[1:3] == ["40.0", "6.00"]
+    assert cells(out, f"{BOX}, B")[1:3] == ["10.0", "3.00"]
+    assert cells(out, "B / A") == ["B / A", "0.25", "0.50", "-"]
+
+
+def test_there_is_no_cost_to_compare_if_only_one_was_measured(campaign, capsys):
+    a = campaign("a.jsonl", {BOX: [4.0]}, plan_cpu_ms=40.0, plan_cpu_s=6.0)
+    assert main(["bench", "compare", a, campaign("b.jsonl", {BOX: [4.0]})]) == 0
+    assert "Cost" not in capsys.readouterr().out
+    none = campaign("c.jsonl", {BOX: [None]}, plan_cpu_ms=40.0, plan_cpu_s=6.0)
+    assert main(["bench", "compare", a, none]) == 0
+    assert cells(capsys.readouterr().out, "B / A") == ["B / A", "1.00", "-", "-"]

@@ -83,3 +83,16 @@ def test_too_few_pairs_have_no_interval():
 def test_holm():
     assert stats.holm([0.01, 0.04, 0.03, 0.5]) == pytest.approx([0.04, 0.09, 0.09, 0.5])
     assert stats.holm([]) == []
+
+
+def test_the_bootstrap_finds_the_interval_of_a_mean():
+    # Of 400 alternating 0 and 1 the mean's standard error is 0.025.
+    values = [i % 2 for i in range(400)]
+    assert stats.bootstrap_ratio(values, [1] * 400) == pytest.approx((0.451, 0.549), abs=0.006)
+    assert stats.bootstrap_ratio(values, [1] * 400) == stats.bootstrap_ratio(values, [1] * 400)
+
+
+def test_a_ratio_whose_denominator_may_be_nothing_has_no_end():
+    low, high = stats.bootstrap_ratio([2.0, 2.0, 2.0], [1, 0, 0])
+    assert (low, high) == (2.0, math.inf)
+    assert stats.bootstrap_ratio([2.0], [0]) == (math.inf, math.inf)
