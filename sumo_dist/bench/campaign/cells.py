@@ -35,13 +35,13 @@ class Cell(NamedTuple):
         return cls(f"{optimizer}-{rollouts}", settings)
 
     @classmethod
-    def parse(cls, text: str) -> Self:
+    def parse(cls, given: str) -> Self:
         """Read a cell of the form FORM.
 
         Raises:
             UsageError: it is not of that form, or its name is another cell's.
         """
-        name, _, listed = text.partition(":")
+        name, _, listed = given.partition(":")
         name = checked_name("cell", name.strip())
         if name in NAMED:
             raise UsageError(f"cell {name} has settings of its own; give yours another name")
@@ -74,8 +74,8 @@ class Cell(NamedTuple):
 
 
 # The released code (rai-opensource/sumo) keeps Spot's noise between 0.1 and 1.0 in the units of the
-# actions. An arm joint's range is 2 x 0.92 rad (geometric mean), a base velocity's 2 x 0.7: its
-# noise is 0.11 to 1.08 of an arm joint's half range and 1.32 times that of the base. There, noise
+# actions. In ours, where 1 is half the range, 0.92 rad of an arm joint (geometric mean) and 0.7 of
+# a base velocity, that is 0.11 to 1.08 for the arm and 1.32 times as much for the base. There, noise
 # is also fitted to the elites, plan after plan, within these bounds; here it is a fixed ramp.
 REFERENCE = {
     "preset": "paper",
@@ -136,8 +136,8 @@ def compare(settings: Settings, cells: Sequence[Cell], tasks: str, out: Path, by
     Raises:
         SumoError: a trial's process died or a fault ended it.
     """
-    of_task = named_tasks(tasks)
-    trials = [Trial(task, seed) for seed in settings.seeds for task in of_task]
+    names = named_tasks(tasks)
+    trials = [Trial(task, seed) for seed in settings.seeds for task in names]
     make_folder(out)
     campaigns = [_campaign(cell, settings, trials, out) for cell in cells]
     Campaign.run_together(campaigns)
