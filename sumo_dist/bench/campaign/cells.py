@@ -74,9 +74,9 @@ class Cell(NamedTuple):
 
 
 # The released code (rai-opensource/sumo) keeps Spot's noise between 0.1 and 1.0 in the units of the
-# actions. In ours, where 1 is half the range, 0.92 rad of an arm joint (geometric mean) and 0.7 of
-# a base velocity, that is 0.11 to 1.08 for the arm and 1.32 times as much for the base. There, noise
-# is also fitted to the elites, plan after plan, within these bounds; here it is a fixed ramp.
+# actions. In ours, where 1 is half the range (0.92 rad of an arm joint, geometric mean, and 0.7 of
+# a base velocity), that is 0.11 to 1.08 for the arm and 1.32 times as much for the base. That code
+# also fits its noise to the elites, plan after plan, within these bounds; here it is a fixed ramp.
 REFERENCE = {
     "preset": "paper",
     "horizon": "2.0",

@@ -9,7 +9,7 @@ from sumo_dist.bench.results.cost import Cost, cost_cells
 from sumo_dist.bench.results.outcomes import CELLS, Count, Row
 from sumo_dist.episode.motion import MEASURES
 
-MOTION = ("limb_reversals_hz", "target_jerk", "joint_jerk")
+MOTION = ("limb_reversals_hz", "target_jerk", "limb_jerk", "joint_jerk")
 HEAD = ("cell", *CELLS, *COST_HEAD, *(MEASURES[name].title for name in MOTION), "ended by")
 MADE = ("sumo_dist", "mujoco", "machine")
 MOTION_NOTE = "Reversals and jerk are means over trials."

@@ -20,9 +20,9 @@ def test_a_line_says_what_was_solved_how_fast_at_what_cost_and_how_it_moved(make
     counts = ["1/2", "0.50", "0.09 to 0.91", "4.00", "4.00"]
     # Two drawn of two: only the solved one (8 s each), both (20 s for one), or nobody solves.
     cost = ["25.0", "20.00", "8.00 to inf"]
-    assert measured == ["few", *counts, *cost, "3.0", "1200", "-", "success 1, timeout 1"]
+    assert measured == ["few", *counts, *cost, "3.0", "1200", "-", "-", "success 1, timeout 1"]
     assert unknown[0] == "old"
-    assert unknown[6:] == ["-", "-", "-", "-", "-", "-", "success 1"]
+    assert unknown[6:] == [*["-"] * 7, "success 1"]
     assert "## all tasks" not in out  # it is one
     assert "- few: rollouts=2\n- old: x=1" in out
     assert "sumo-dist 0.1.0 (commit abc), MuJoCo 4.0.0, a computer & its cores." in out
