@@ -19,10 +19,10 @@ from sumo_dist.bench.results.outcomes import recording_folder
 from sumo_dist.bench.results.suites import SUITES
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
-from sumo_dist.errors import SumoError, TaskError, UsageError
+from sumo_dist.errors import SumoError, TaskError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
-from sumo_dist.tasks import load_task
+from sumo_dist.tasks import load_task, task_names
 from sumo_dist.terminal import say
 from sumo_dist.wire.session import checked_endpoint
 
@@ -229,13 +229,19 @@ class Campaign:
 
 
 def named_tasks(text: str) -> list[str]:
-    """Return the tasks that names mean: of tasks, files or suites, separated by commas."""
+    """Return the tasks that names mean: of tasks, files or suites, separated by commas.
+
+    Raises:
+        UsageError: there is no such task or suite, or a task's file is at fault.
+    """
     found = dict[str, None]()
     for name in text.split(","):
         if name in SUITES:
             found |= dict.fromkeys(SUITES[name].figures)
-        else:
+        elif name in task_names() or name.endswith(".py"):
             found[load_task(name).source] = None
+        else:
+            raise unknown("task", name, ["/a/path/to/a/task.py", *SUITES, *task_names()])
     return [*found]
 
 
