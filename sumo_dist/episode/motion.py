@@ -51,8 +51,9 @@ def measure(recording: Recording, task: Task, model: mujoco.MjModel) -> dict[str
     the robot followed, those of the base being velocities. They are counted per dimension: the
     mean over the limbs', the limb that reverses most often, and the mean over the base's. Jerk is
     the root mean square over ticks and joints: of the limbs' targets, of the joints that follow
-    them, and of all the robot's joints, most of which is the gait's. The robot's deepest contacts are those with what does not move and with what does. Work
-    is the integral of |torque x speed| over the joints.
+    them, and of all the robot's joints, most of which is the gait's. The robot's deepest contacts
+    are those with what does not move and with what does. Work is the integral of |torque x speed|
+    over the joints.
 
     Args:
         recording: of the episode.

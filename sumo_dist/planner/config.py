@@ -42,9 +42,9 @@ class PlannerConfig:
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
     """
 
-    optimizer: str = "cem"
+    optimizer: str = "ps"
     horizon: float = 1.5
-    rollouts: int = 32
+    rollouts: int = 16
     nodes: int = 5
     spline: Order = "smooth"
     iterations: int = 1

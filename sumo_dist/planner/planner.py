@@ -61,8 +61,8 @@ class Planner:
     """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result.
 
     The paper's symbols: a, the action (a spline through knots, in normalised units); mu and sigma,
-    mean and scale of the noise over those of its knots that are searched; g, the map to the policy's command; J, the cost of
-    a rollout s' = f(s, policy(s, g(a))).
+    mean and scale of the noise over the knots that are searched; g, the map to the policy's
+    command; J, the cost of a rollout s' = f(s, policy(s, g(a))).
     """
 
     def __init__(self, config: PlannerConfig, actions: ActionSpace, seed: int) -> None:

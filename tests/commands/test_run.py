@@ -77,7 +77,7 @@ def test_a_run_ends_with_one_line_and_writes_its_folder(tmp_path, workers):
     assert said.endswith(f"; in {out}\n")
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) >= KEYS
-    assert (summary["seed"], summary["plans"], summary["optimizer"]) == (4, 10, "cem")
+    assert (summary["seed"], summary["plans"], summary["optimizer"]) == (4, 10, "ps")
     recording = Recording.load(out / "run.npz")
     assert recording.state_digest == summary["state_digest"]
     assert recording.plan_digest == summary["plan_digest"]

@@ -103,7 +103,7 @@ def test_truth_is_what_the_plant_is_in(quick):
     assert np.array_equal(quick.states, quick.estimates)
 
 
-@pytest.mark.parametrize("spline", ["zero", "cubic"])
+@pytest.mark.parametrize("spline", ["zero", "linear", "cubic"])
 def test_every_spline_can_be_flown(spline):
     recording, ending = run(planner=PlannerConfig(spline=spline, rollouts=6, horizon=0.5))
     assert ending.reason == "timeout"
@@ -111,8 +111,8 @@ def test_every_spline_can_be_flown(spline):
 
 
 def test_candidates_lost_to_divergence_do_not_stop_the_run():
-    """The finest of limits: one rollout an iteration, one node, one tick of horizon."""
-    planner = PlannerConfig(rollouts=2, nodes=1, horizon=0.02, iterations=2)
+    """The finest of limits: one rollout an iteration, one knot to search, one tick of horizon."""
+    planner = PlannerConfig(rollouts=2, nodes=3, horizon=0.02, iterations=2)
     recording, ending = run(planner=planner, time_limit=0.2)
     assert ending.reason == "timeout"
     assert np.isfinite(np.array(recording.knots)).all()

@@ -55,7 +55,7 @@ def test_a_solved_run_has_a_completion_time(recording):
     renamed = {"task": CONFIG["task_name"], **CONFIG}
     del renamed["task_name"], renamed["episode"]
     assert {key: summary[key] for key in renamed} == renamed
-    assert (summary["clock"], summary["seed"], summary["optimizer"]) == ("lockstep", 3, "cem")
+    assert (summary["clock"], summary["seed"], summary["optimizer"]) == ("lockstep", 3, "ps")
     assert (summary["plant"], summary["estimator"]) == ("hard", "lowpass")
 
 

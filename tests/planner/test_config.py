@@ -28,7 +28,7 @@ def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
         ({"nodes": 10**6}, "nodes must be from 1 to"),
         ({"nodes": 2}, "a smooth spline needs at least 3 nodes, got 2"),
         ({"iterations": 0}, "iterations must be from 1 to"),
-        ({"iterations": 33}, "33 iterations need at least as many rollouts, got 32"),
+        ({"iterations": 17}, "17 iterations need at least as many rollouts, got 16"),
         ({"decay": 0.9}, "decay must be from 1 to 10, got 0.9"),
         ({"decay": float("nan")}, "decay must be from 1 to 10"),
         ({"noise_exponent": -1.0}, "noise_exponent must be from 0 to 4, got -1.0"),

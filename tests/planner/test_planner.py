@@ -101,7 +101,7 @@ def test_a_planner_keeps_nothing_between_plans():
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
 def test_a_smooth_plan_goes_on_where_the_last_one_is(optimizer):
-    """In value and slope, for every candidate and the plan: no step at the joints when it begins."""
+    """In value and slope, for every candidate and the plan."""
     config, bowl = PlannerConfig(optimizer, rollouts=16, iterations=2), Bowl()
     planner = Planner(config, ACTIONS, seed=0)
     first = planner.plan(request(0), Bowl()).plan

@@ -151,9 +151,9 @@ def test_motion_is_in_the_report_where_it_was_measured(tmp_path, make_row):
     results = Results.load(tmp_path)
     _, section = text(results).split("## Motion")
     lines = [line for line in section.splitlines() if line.startswith("| spot/")]
-    assert [cell.strip() for cell in lines[0].split("|")[1:-1]] == [BOX, "17.0", *"------", "300"]
+    assert [cell.strip() for cell in lines[0].split("|")[1:-1]] == [BOX, "17.0", *"-------", "300"]
     assert not any(line.startswith(f"| {TIRE}") for line in lines)
-    assert [BOX, "17.0", *"------", "300"] in cells(page(results, {}))
+    assert [BOX, "17.0", *"-------", "300"] in cells(page(results, {}))
 
 
 def test_a_report_without_any_motion_has_no_such_section(results):
