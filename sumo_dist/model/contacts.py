@@ -9,6 +9,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+Mix = Callable[[np.ndarray, np.ndarray], np.ndarray]  # numbers of geoms -> those of contacts
+
 LISTED = "floor/contact_"  # no object can be called floor, so no file has such a name
 
 
@@ -17,8 +19,7 @@ def list_contacts(spec: mujoco.MjSpec, at_most: int) -> mujoco.MjModel:
 
     Args:
         spec: what is compiled. The list is written into it.
-        at_most: geom pairs. Where there are more, and where contacts are adhesive or between what
-            is bounded by no box of its own, MuJoCo goes on to search.
+        at_most: geom pairs. Where there are more, or contacts stick, MuJoCo goes on to search.
     """
     if spec.compiler.discardvisual:  # now: what is in a list counts as no visual
         spec.discard_visual()
@@ -49,7 +50,8 @@ def possible(model: mujoco.MjModel) -> np.ndarray:
     parent = model.body_weldid[model.body_parentid[weld]]
     still = (weld[one] == 0) | (weld[other] == 0)  # what is fixed to the world touches its children
     kin = (weld[one] == parent[other]) | (weld[other] == parent[one])
-    may = (bits != 0) & (weld[one] != weld[other]) & (still | ~kin)
+    moves = model.body_treeid[body] >= 0
+    may = (bits != 0) & (weld[one] != weld[other]) & (still | ~kin) & (moves[one] | moves[other])
     bodies = np.sort(np.stack((body[one], body[other]), axis=1), axis=1)
     may &= ~np.isin((bodies[:, 0] << 16) + bodies[:, 1], model.exclude_signature)
     given = np.sort(np.stack((model.pair_geom1, model.pair_geom2), axis=1), axis=1)
@@ -63,7 +65,7 @@ def refresh(model: mujoco.MjModel) -> None:
     one, other = model.pair_geom1[ours], model.pair_geom2[ours]
     rank = np.sign(model.geom_priority[one] - model.geom_priority[other])  # 1: the first decides
 
-    def decided(values: np.ndarray, mixed: Callable[[np.ndarray, np.ndarray], np.ndarray]):
+    def decided(values: np.ndarray, mixed: Mix) -> np.ndarray:
         first, second = values[one], values[other]
         ranks = rank.reshape(-1, *[1] * (values.ndim - 1))
         return np.where(ranks > 0, first, np.where(ranks < 0, second, mixed(first, second)))

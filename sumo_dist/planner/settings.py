@@ -85,5 +85,7 @@ SETTINGS = {
         "in [0, 100)",
         lambda density: 0 <= density < 100,
     ),
-    "model": _one_of("what rollouts are made with; full is all that the plant has", get_args(Model)),
+    "model": _one_of(
+        "what rollouts are made with; full is all that the plant has", get_args(Model)
+    ),
 }
