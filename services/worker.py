@@ -15,6 +15,7 @@ import numpy as np
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.workers import misfit
 from sumo_dist.errors import SumoError, TaskError, UsageError
+from sumo_dist.model.scene import ModelOptions
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
@@ -176,7 +177,7 @@ class EvaluatorCache:
     def __init__(self, options: WorkerOptions) -> None:
         """Start with no task."""
         self._options = options
-        self._source: tuple[str, float, float] | None = None  # task and what its model depends on
+        self._source: tuple[str, ModelOptions] | None = None  # task, what its model depends on
         self._problem: Problem | None = None
         self._engine: Engine | None = None
         self._evaluator: Evaluator | None = None
@@ -240,9 +241,9 @@ class EvaluatorCache:
     def _prepare(self, request: RolloutRequest) -> Evaluator:
         """Compile what the request is about, unless that is what the last one was about."""
         config = PlannerConfig.from_settings(request.settings)
-        source = request.task, config.timestep, config.fluid_density
+        source = request.task, planning_options(config)
         if source != self._source or self._hash() != request.task_hash:  # or its files changed
-            self._compile(source, config)
+            self._compile(*source)
         if self._hash() != request.task_hash:
             raise SumoError(
                 f"its {request.task} has hash {self._hash()}, the optimizer's has "
@@ -257,11 +258,11 @@ class EvaluatorCache:
     def _hash(self) -> str:
         return self._problem.hash if self._problem is not None else ""
 
-    def _compile(self, source: tuple[str, float, float], config: PlannerConfig) -> None:
+    def _compile(self, task: str, options: ModelOptions) -> None:
         self._close()
-        self._problem = Problem.build(load_task(source[0]), planning_options(config))
+        self._problem = Problem.build(load_task(task), options)
         self._engine = self._problem.engine(self._options.threads, self._options.engine)
-        self._source = source
+        self._source = task, options
 
     def _close(self) -> None:
         if self._engine is not None:

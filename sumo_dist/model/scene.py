@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from sumo_dist.errors import UsageError
+from sumo_dist.model.departures import LEAN, compile_without
 from sumo_dist.model.files import find_model, read_model, valid_model
 from sumo_dist.model.part import Part, read_part
 from sumo_dist.model.references import count_referring, refer
@@ -71,19 +72,21 @@ class ModelOptions:
         timestep: of the physics [s].
         fluid_density: of the medium, whose drag acts on every body [kg/m^3].
         visuals: keep what is only seen; without it a step is cheaper and has the same result.
+        departures: what the model does without, see `departures.compile_without`.
     """
 
     timestep: float
     fluid_density: float
     visuals: bool = False
+    departures: tuple[str, ...] = ()
 
 
 PLANT = ModelOptions(timestep=0.01, fluid_density=1.0, visuals=True)
-PLANNING = ModelOptions(timestep=0.02, fluid_density=0.0)
+PLANNING = ModelOptions(timestep=0.02, fluid_density=0.0, departures=LEAN)
 
 
 def build_spec(scene: Scene, options: ModelOptions) -> mujoco.MjSpec:
-    """Compose a scene.
+    """Compose a scene, departures left out.
 
     Raises:
         UsageError: a file is missing, is no valid model or holds what cannot work in a scene, or
@@ -96,7 +99,7 @@ def compile_model(scene: Scene, options: ModelOptions) -> mujoco.MjModel:
     """Compose and compile a scene; errors as for build_spec."""
     spec = build_spec(scene, options)
     with valid_model("the scene"):
-        return spec.compile()
+        return compile_without(spec, spec.body(scene.robot.base), options.departures)
 
 
 def remarks(scene: Scene) -> list[str]:

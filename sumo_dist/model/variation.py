@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError
+from sumo_dist.model.contacts import refresh
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ def varied(model: mujoco.MjModel, variation: Variation) -> mujoco.MjModel:
     model.body_mass[:] *= variation.mass
     model.body_inertia[:] *= variation.inertia[:, None]
     model.geom_friction[:, 0] *= variation.friction
+    refresh(model)
     model.actuator_gainprm[:, 0] *= variation.stiffness
     model.actuator_biasprm[:, 1] *= variation.stiffness
     model.actuator_biasprm[:, 2] *= variation.damping

@@ -13,7 +13,7 @@ import numpy as np
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order, given
 from sumo_dist.model.scene import PLANT
-from sumo_dist.planner.settings import SETTINGS, Execute
+from sumo_dist.planner.settings import SETTINGS, Execute, Model
 from sumo_dist.timing import TICK
 
 
@@ -40,6 +40,7 @@ class PlannerConfig:
         temperature: of MPPI, in units of the costs' spread.
         timestep: physics step of the planning model [s].
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
+        model: the planning model is "lean", see `model.departures`, or "full".
     """
 
     optimizer: str = "ps"
@@ -58,6 +59,7 @@ class PlannerConfig:
     temperature: float = 0.1
     timestep: float = 0.02
     fluid_density: float = 0.0
+    model: Model = "lean"
 
     def __post_init__(self) -> None:
         for name, setting in SETTINGS.items():
@@ -200,6 +202,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "elites": 3,
         "timestep": PLANT.timestep,
         "fluid_density": PLANT.fluid_density,
+        "model": "full",
     },
 }
 

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.costs.view import ViewLayout
+from sumo_dist.model.departures import LEAN
 from sumo_dist.model.scene import ModelOptions, compile_model
 from sumo_dist.model.variation import Variation
 from sumo_dist.planner.config import PlannerConfig
@@ -60,7 +61,11 @@ class Problem:
 
 def planning_options(config: PlannerConfig) -> ModelOptions:
     """Return the planning model's departures from the plant."""
-    return ModelOptions(timestep=config.timestep, fluid_density=config.fluid_density)
+    return ModelOptions(
+        timestep=config.timestep,
+        fluid_density=config.fluid_density,
+        departures=LEAN if config.model == "lean" else (),
+    )
 
 
 def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:

@@ -9,6 +9,7 @@ from sumo_dist.optim import OPTIMIZERS
 from sumo_dist.timing import TICK
 
 Execute = Literal["mean", "best"]
+Model = Literal["lean", "full"]
 
 
 class Setting(NamedTuple):
@@ -83,5 +84,8 @@ SETTINGS = {
         "air in the planning model [kg/m^3]; 0 leaves drag out",
         "in [0, 100)",
         lambda density: 0 <= density < 100,
+    ),
+    "model": _one_of(
+        "what rollouts are made with; full is all that the plant has", get_args(Model)
     ),
 }

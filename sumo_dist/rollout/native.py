@@ -21,9 +21,9 @@ GROUP = 8  # simulations per thread: they share a network evaluation; many would
 
 def identity(portable: bool) -> tuple[str, str]:
     """Return the engine's name and build."""
-    kernel = "portable" if portable else _native.best_kernel()
-    versions = (_native.SOURCE_HASH, kernel, f"mujoco{mujoco.__version__}", platform.machine())
-    return f"native-{kernel}", "-".join(versions)
+    _, bits = _native.kernels()[0 if portable else -1]
+    versions = (_native.SOURCE_HASH, bits, f"mujoco{mujoco.__version__}", platform.machine())
+    return f"native-{bits}", "-".join(versions)
 
 
 class NativeEngine(RolloutEngine):

@@ -27,7 +27,8 @@ def model_file(folder, text: str) -> str:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
-    ("options", "timestep", "density"), [(PLANT, 0.01, 1), (PLANNING, 0.02, 0)]
+    ("options", "timestep", "density"),
+    [(PLANT, 0.01, 1), (replace(PLANNING, departures=()), 0.02, 0)],
 )
 def test_the_scenes_options_win_over_the_files(tmp_path, options, timestep, density):
     ball = model_file(tmp_path, "<worldbody><body><geom size='0.1'/></body></worldbody>")

@@ -113,6 +113,7 @@ def test_the_hash_depends_on_every_setting_and_on_the_task():
     assert PlannerConfig().hash("task") == base
     assert PlannerConfig().hash("other") != base
     changes = {"optimizer": "ps", "spline": "zero", "timestep": 0.01, "execute": "best"}
+    changes["model"] = "full"
     for name, value in asdict(PlannerConfig()).items():
         change = {name: changes[name] if name in changes else value + 1}
         assert PlannerConfig(**change).hash("task") != base, name

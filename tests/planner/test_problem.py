@@ -18,7 +18,7 @@ def build(problem, options=PLANNING, **changes):
 
 
 def test_the_planning_model_has_the_settings_of_the_config():
-    options = planning_options(PlannerConfig(timestep=0.01, fluid_density=1.2))
+    options = planning_options(PlannerConfig(timestep=0.01, fluid_density=1.2, model="full"))
     assert options == ModelOptions(timestep=0.01, fluid_density=1.2)
     assert planning_options(PlannerConfig()) == PLANNING
 

@@ -22,6 +22,7 @@
 #include "engine.h"
 #include "g1_gait.h"
 #include "hold_targets.h"
+#include "kernels.h"
 #include "mlp.h"
 #include "spot_relic.h"
 
@@ -75,7 +76,13 @@ sumo::Mlp make_network(const std::vector<Layer>& layers, const sumo::Kernel& ker
 }
 
 const sumo::Kernel& kernel(bool portable) {
-  return portable ? sumo::portable_kernel() : sumo::best_kernel();
+  return portable ? *sumo::kernels().front() : *sumo::kernels().back();
+}
+
+const sumo::Kernel& kernel_named(const std::string& name) {
+  for (const sumo::Kernel* known : sumo::kernels())
+    if (known->name == name) return *known;
+  throw std::invalid_argument("no kernel of this name runs on this CPU");
 }
 
 template <typename Kind, typename Layout>
@@ -86,8 +93,8 @@ std::shared_ptr<sumo::Policy> make_policy(const std::vector<Layer>& layers, cons
 
 // One network evaluation per row, for tests and timing of the kernels.
 void evaluate(const std::vector<Layer>& layers, Array<const float, 2> inputs,
-              Array<float, 2> outputs, bool portable) {
-  const sumo::Mlp network = make_network(layers, kernel(portable));
+              Array<float, 2> outputs, const std::string& name) {
+  const sumo::Mlp network = make_network(layers, kernel_named(name));
   const int rows = static_cast<int>(inputs.shape(0));
   require(static_cast<int>(inputs.shape(1)) == network.inputs() &&
               static_cast<int>(outputs.shape(1)) == network.outputs() &&
@@ -160,8 +167,12 @@ void rollout(sumo::Engine& engine, Array<const double, 2> starts, Array<const fl
 
 NB_MODULE(_native, m) {
   m.attr("SOURCE_HASH") = SUMO_SOURCE_HASH;
-  m.def("best_kernel", [] { return std::string(sumo::best_kernel().name); });
-  m.def("evaluate", &evaluate, "layers"_a, "inputs"_a, "outputs"_a, "portable"_a);
+  m.def("kernels", [] {  // those that this CPU can run: their names, and that of their bits
+    std::vector<std::pair<std::string, std::string>> names;
+    for (const sumo::Kernel* known : sumo::kernels()) names.emplace_back(known->name, known->bits);
+    return names;
+  });
+  m.def("evaluate", &evaluate, "layers"_a, "inputs"_a, "outputs"_a, "kernel"_a);
 
   nb::class_<sumo::Policy>(m, "Policy")
       .def("step", &step, "qpos"_a, "qvel"_a, "command"_a, "memory"_a, "targets"_a);

@@ -2,6 +2,7 @@
 //
 // A tile of Rows x Panels accumulators stays in registers while the inputs are walked in order, so
 // an output is summed the same way in every tile shape and a row never depends on its neighbours.
+// Nor does it depend on how many lanes there are: AVX-512 computes the numbers of AVX2.
 #include "kernel.h"
 #include "simd.h"
 
@@ -30,8 +31,14 @@ void with_activation(Activation activation, const Finish& finish) {
 }
 
 constexpr int kVectors = kPanel / kLanes;  // vectors per panel and row
-constexpr int kMaxRows = 8 / kVectors;     // 8 accumulators hide the latency of their additions
-constexpr int panels_of(int rows) { return kMaxRows / rows; }
+#ifdef SUMO_AVX512
+// With 32 registers there is room to load an input and a weight once for several additions.
+constexpr int kAccumulators = 16, kMaxRows = 8;
+#else
+constexpr int kAccumulators = 8;  // they hide the latency of their additions
+constexpr int kMaxRows = kAccumulators / kVectors;
+#endif
+constexpr int panels_of(int rows) { return kAccumulators / kVectors / rows; }
 
 template <int Rows, int Panels>
 void tile(const DenseView& layer, int panel, const float* x, int x_stride, float* y, int y_stride) {
@@ -101,6 +108,8 @@ void dense(const DenseView& layer, int rows, const float* x, int x_stride, float
   }
 }
 
+#ifndef SUMO_AVX512  // sums of 16 lanes would be others than those of 8: AVX2's serves both
+
 // The sum of `term` over the outputs: whole vectors first, then what is left one by one.
 template <typename Term>
 float total(const float* y, int outputs, const Term& term) {
@@ -128,16 +137,21 @@ void normalise(const NormView& norm, int rows, float* y, int y_stride) {
   });
 }
 
+#endif
+
 }  // namespace
 
 namespace sumo {
 
-#ifdef SUMO_AVX2
+#if defined(SUMO_AVX512)
+extern const DenseFunction kAvx512Dense;
+const DenseFunction kAvx512Dense = dense;
+#elif defined(SUMO_AVX2)
 extern const Kernel kAvx2Kernel;
-const Kernel kAvx2Kernel{"avx2", dense, normalise};
+const Kernel kAvx2Kernel{"avx2", "avx2", dense, normalise};
 #else
 extern const Kernel kPortableKernel;
-const Kernel kPortableKernel{"portable", dense, normalise};
+const Kernel kPortableKernel{"portable", "portable", dense, normalise};
 #endif
 
 }  // namespace sumo

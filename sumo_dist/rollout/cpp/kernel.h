@@ -35,12 +35,10 @@ struct NormView {
 using NormFunction = void (*)(const NormView& norm, int rows, float* y, int y_stride);
 
 struct Kernel {
-  const char* name;
+  const char* name;  // of the instructions
+  const char* bits;  // kernels with the same word here compute the same bits
   DenseFunction dense;
   NormFunction normalise;
 };
-
-const Kernel& portable_kernel();
-const Kernel& best_kernel();  // what this CPU runs fastest
 
 }  // namespace sumo

@@ -5,13 +5,15 @@
 #include <cstdint>
 #include <cstring>
 
-#ifdef SUMO_AVX2
+#if defined(SUMO_AVX2) || defined(SUMO_AVX512)
 #include <immintrin.h>
 #endif
 
 namespace {
 
-#ifdef SUMO_AVX2
+#if defined(SUMO_AVX512)
+constexpr int kLanes = 16;
+#elif defined(SUMO_AVX2)
 constexpr int kLanes = 8;
 #else
 constexpr int kLanes = 4;
@@ -30,9 +32,11 @@ inline void store(float* p, Lanes v) { std::memcpy(p, &v, sizeof v); }
 
 inline Lanes broadcast(float x) { return Lanes{} + x; }
 
-// a * b + c: fused with AVX2, rounded twice in the portable variant (on every platform alike).
+// a * b + c: fused with AVX, rounded twice in the portable variant (on every platform alike).
 inline Lanes multiply_add(Lanes a, Lanes b, Lanes c) {
-#ifdef SUMO_AVX2
+#if defined(SUMO_AVX512)
+  return _mm512_fmadd_ps(a, b, c);
+#elif defined(SUMO_AVX2)
   return _mm256_fmadd_ps(a, b, c);
 #else
   return a * b + c;
