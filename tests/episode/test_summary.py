@@ -35,7 +35,7 @@ def recording():
         knots = np.zeros((4, 9), np.float32)
         plan = Plan(number, anchor_tick(number), knots, 1.5, "linear")
         plan_ms = 10.0 * (len(recording.plan_ms) + 1)
-        costs, finite = np.zeros(32), np.ones(32, bool)
+        costs, finite = np.zeros(16), np.ones(16, bool)
         recording.add_plan(
             PlanReport(
                 *(plan, costs, finite, np.zeros(4), np.ones(4), np.zeros(4), plan_ms),
@@ -98,7 +98,7 @@ def test_the_line_of_a_clean_run_has_no_troubles(recording):
     recording.lost = recording.reissued = Rows([0, 0, 0, 0])
     line = one_line(summarise(recording, SUCCESS.after(2.0)))
     assert "solved in 1.0 s, 4 plans of 25 ms" in line
-    assert line.endswith("0.50x real time, cem on native-avx2")
+    assert line.endswith("0.50x real time, ps on native-avx2")
 
 
 def test_a_run_that_ended_before_it_began_is_accounted_for():
@@ -153,10 +153,10 @@ def test_plans_of_different_sizes_are_kept_and_counted(recording, tmp_path):
     recording.add_plan(few)
     recording.save(tmp_path / "run.npz")
     again = Recording.load(tmp_path / "run.npz")
-    assert list(again.rollouts) == [32, 32, 32, 32, 5]
-    assert np.isfinite(again.costs[-1]).tolist() == [True] * 5 + [False] * 27
+    assert list(again.rollouts) == [16, 16, 16, 16, 5]
+    assert np.isfinite(again.costs[-1]).tolist() == [True] * 5 + [False] * 11
     summary = summarise(again, TIMEOUT.after(1.0))
-    assert (summary["rollouts_per_plan_p50"], summary["rollouts_per_plan_min"]) == (32.0, 5)
+    assert (summary["rollouts_per_plan_p50"], summary["rollouts_per_plan_min"]) == (16.0, 5)
 
 
 def test_a_tick_and_a_plan_that_were_interrupted_are_dropped(recording):

@@ -159,20 +159,22 @@ def test_inner_iterations_of_cem_narrow_the_search():
         return knots[1:].std(axis=0).mean()
 
     bowl = Bowl()
-    Planner(PlannerConfig(iterations=3), ACTIONS, seed=0).plan(request(), bowl)
+    config = PlannerConfig("cem", rollouts=32, iterations=3)
+    Planner(config, ACTIONS, seed=0).plan(request(), bowl)
     first, second, third = map(spread, bowl.asked)
     assert third < second < first
 
 
 def test_iterations_share_the_rollouts_of_a_plan():
     bowl = Bowl()
-    Planner(PlannerConfig(iterations=3, decay=1.25), ACTIONS, seed=0).plan(request(), bowl)
+    config = PlannerConfig(rollouts=32, iterations=3, decay=1.25)
+    Planner(config, ACTIONS, seed=0).plan(request(), bowl)
     assert [len(knots) for knots in bowl.asked] == [13, 10, 9]
 
 
 def test_each_iteration_starts_from_what_the_one_before_it_found():
     bowl = Bowl()
-    Planner(PlannerConfig(iterations=2), ACTIONS, seed=0).plan(request(), bowl)
+    Planner(PlannerConfig("cem", iterations=2), ACTIONS, seed=0).plan(request(), bowl)
     first, second = bowl.asked
     elites = np.argsort(((first - 0.3) ** 2).sum(axis=(1, 2)))[:3]
     assert second[0] == pytest.approx(first[elites].mean(axis=0))

@@ -28,8 +28,8 @@ def test_defaults_then_the_tasks_then_what_is_asked_for():
 def test_an_optimizer_comes_with_its_settings_and_the_one_asked_for_wins():
     icem = PlannerConfig.resolve({"optimizer": "icem", "iterations": 3})
     assert (icem.optimizer, icem.iterations, icem.execute) == ("icem", 3, "best")
-    other = PlannerConfig.resolve({"optimizer": "icem", "rollouts": 16}, optimizer="cem")
-    assert other == PlannerConfig(rollouts=16)
+    other = PlannerConfig.resolve({"optimizer": "icem", "rollouts": 12}, optimizer="cem")
+    assert other == PlannerConfig("cem", rollouts=12)
     given = PlannerConfig.resolve({"iterations": 1, "rollouts": 16}, optimizer="icem")
     assert (given.iterations, given.rollouts) == (2, 16)
 

@@ -55,12 +55,12 @@ def test_what_is_significant_is_said_and_what_is_not_too(campaign, capsys):
 def test_settings_that_differ_are_named(campaign, make_row, capsys):
     row = make_row(BOX, 1)
     a = campaign("a.jsonl", {BOX: [4.0]})
-    planner = {**row["planner"], "rollouts": 16}
+    planner = {**row["planner"], "rollouts": 48}
     b = campaign("b.jsonl", {BOX: [None]}, planner=planner, config_hash="x", time_limit_s=20.0)
     assert main(["bench", "compare", a, b]) == 0
     out = capsys.readouterr().out
     assert "no seed that both solved" in out
-    assert f"- rollouts: {row['planner']['rollouts']} -> 16" in out
+    assert f"- rollouts: {row['planner']['rollouts']} -> 48" in out
     assert f"- {BOX}, time limit [s]: 30.0 -> 20.0" in out
     assert f"- {BOX}, task and settings: hash of {BOX} -> x" in out
     assert out.count("->") == 4  # three settings, one verdict

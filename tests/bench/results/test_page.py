@@ -10,6 +10,7 @@ from sumo_dist.bench.results.outcomes import JOURNAL, REQUEST, Results
 from sumo_dist.bench.results.page import PICTURES, page
 from sumo_dist.bench.results.tables import text
 from sumo_dist.errors import SumoError
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.view import replay
 
 BOX, TIRE = "spot/move_box", "spot/upright_tire"
@@ -135,7 +136,7 @@ def test_markdown_names_every_failed_trial(results):
     assert "| spot/move_box     | 19/20   | 0.95 |" in report
     assert report.count("| spot/upright_tire | ") == 1 + 16
     assert "| rolled < away | 30.00  | 0.06 " in report
-    assert "rollouts 32" in report
+    assert f"rollouts {PlannerConfig().rollouts}" in report
 
 
 def test_motion_is_in_the_report_where_it_was_measured(tmp_path, make_row):
