@@ -10,6 +10,7 @@ from sumo_dist.costs.view import View
 from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.referee import Referee
 from sumo_dist.math.rotations import from_rotation_vector, multiply
+from sumo_dist.math.splines import given
 from sumo_dist.model.index import StateIndex
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.model.settle import height_above_floor
@@ -105,9 +106,11 @@ class Subject:
         return state
 
     def knots(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Random knots (count, K, n)."""
-        shape = count, self.config.nodes, self.task.actions.size
-        return np.clip(rng.normal(0.0, 0.5, shape), -1.0, 1.0)
+        """Random knots (count, K, n) of a robot that has stood until now."""
+        actions = self.task.actions
+        knots = np.clip(rng.normal(0.0, 0.5, (count, self.config.nodes, actions.size)), -1.0, 1.0)
+        knots[:, : given(self.config.spline)] = actions.unit(actions.default)
+        return knots
 
     def view(self, state: np.ndarray) -> View:
         """Name the arrays of one state."""

@@ -204,7 +204,8 @@ class MPC:
     def evaluate(self, state: np.ndarray, knots: np.ndarray) -> Evaluation:
         """Roll out candidates of one's own, knots (B, K, n) in [-1, 1], and cost them.
 
-        The evaluation has each candidate's terms; `.costs(weights)` are its total costs (B,).
+        Of a smooth spline the first two knots are the actions of a tick ago and of now. The
+        evaluation has each candidate's terms; `.costs(weights)` are its total costs (B,).
         """
         parameters = self._episode.controls.cost.parameters
         return self._planning.evaluator(self._state(state), self.memory, parameters, knots)
