@@ -63,11 +63,14 @@ class Physics:
         models: Sequence[int],
         step: int,
         set_state: int,
+        get_state: int,
         kinematics: int,
         signature: int,
+        state_size: int,
         nq: int,
         nv: int,
         nu: int,
+        qpos: int,
         substeps: int,
     ) -> None: ...
 
@@ -84,7 +87,7 @@ class Simulation:
 
 class Engine:
     def __init__(
-        self, physics: Physics, policy: Policy, simulations: Sequence[Simulation], threads: int
+        self, physics: Physics, policy: Policy, simulations: Sequence[Simulation], group: int
     ) -> None: ...
     def rollout(
         self,

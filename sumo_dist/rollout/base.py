@@ -76,6 +76,7 @@ class RolloutEngine(ABC):
             )
         self._models = (self._model, *(varied(self._model, v) for v in variations))
         self._rest = _rest(self._model)
+        self._before = mujoco.mj_stateSize(self._model, int(mujoco.mjtState.mjSTATE_TIME))
 
     def __enter__(self) -> Self:
         return self
@@ -124,9 +125,8 @@ class RolloutEngine(ABC):
 
     def _starts(self, states: np.ndarray) -> np.ndarray:
         """Complete qpos and qvel (n, nq + nv) to what resets a simulation."""
-        before = mujoco.mj_stateSize(self._model, int(mujoco.mjtState.mjSTATE_TIME))
         starts = np.tile(self._rest, (len(states), 1))
-        starts[:, before : before + states.shape[1]] = states
+        starts[:, self._before : self._before + states.shape[1]] = states
         return starts
 
     def _chosen(self, models: np.ndarray | None, rows: int) -> np.ndarray:

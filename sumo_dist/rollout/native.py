@@ -16,7 +16,7 @@ from sumo_dist.rollout import _native
 from sumo_dist.rollout.base import DIVERGED, RESET_STATE, Request, RolloutEngine, frame_arrays
 from sumo_dist.rollout.interface import Rollouts
 
-GROUP = 8  # simulations per thread: they share a network evaluation; many would outgrow the cache
+GROUP = 8  # rows that a thread advances together: they share a network evaluation
 
 
 def identity(portable: bool) -> tuple[str, str]:
@@ -40,10 +40,10 @@ class NativeEngine(RolloutEngine):
     ) -> None:
         super().__init__(model, policy, frames, threads, variations)
         self.name, self.build = identity(portable)
-        self._pool = [mujoco.MjData(self._model) for _ in range(threads * GROUP)]
+        self._pool = [mujoco.MjData(self._model) for _ in range(threads)]
         simulations = [self._simulation(data) for data in self._pool]
         self._engine: _native.Engine | None = _native.Engine(
-            self._physics(), native_policy(policy, portable), simulations, threads
+            self._physics(), native_policy(policy, portable), simulations, GROUP
         )
 
     def close(self) -> None:
@@ -74,11 +74,14 @@ class NativeEngine(RolloutEngine):
             models=[model._address for model in self._models],
             step=_function(library, "mj_step"),
             set_state=_function(library, "mj_setState"),
+            get_state=_function(library, "mj_getState"),
             kinematics=_function(library, "mj_kinematics"),
             signature=RESET_STATE,
+            state_size=len(self._rest),
             nq=self._model.nq,
             nv=self._model.nv,
             nu=self._model.nu,
+            qpos=self._before,
             substeps=self._substeps,
         )
 

@@ -234,27 +234,30 @@ NB_MODULE(_native, m) {
       .def(
           "__init__",
           [](sumo::Physics* self, const std::vector<Address>& models, Address step,
-             Address set_state, Address kinematics, int signature, int nq, int nv, int nu,
-             int substeps) {
+             Address set_state, Address get_state, Address kinematics, int signature,
+             int state_size, int nq, int nv, int nu, int qpos, int substeps) {
             std::vector<const void*> pointers;
             for (const Address model : models) pointers.push_back(at<const void*>(model));
             new (self) sumo::Physics{pointers,
                                      at<decltype(sumo::Physics::step)>(step),
                                      at<decltype(sumo::Physics::set_state)>(set_state),
+                                     at<decltype(sumo::Physics::get_state)>(get_state),
                                      at<decltype(sumo::Physics::kinematics)>(kinematics),
                                      signature,
+                                     state_size,
                                      nq,
                                      nv,
                                      nu,
+                                     qpos,
                                      substeps};
           },
-          "models"_a, "step"_a, "set_state"_a, "kinematics"_a, "signature"_a, "nq"_a, "nv"_a,
-          "nu"_a, "substeps"_a);
+          "models"_a, "step"_a, "set_state"_a, "get_state"_a, "kinematics"_a, "signature"_a,
+          "state_size"_a, "nq"_a, "nv"_a, "nu"_a, "qpos"_a, "substeps"_a);
 
   nb::class_<sumo::Engine>(m, "Engine")
       .def(nb::init<const sumo::Physics&, std::shared_ptr<const sumo::Policy>,
                     const std::vector<sumo::Simulation>&, int>(),
-           "physics"_a, "policy"_a, "simulations"_a, "threads"_a)
+           "physics"_a, "policy"_a, "simulations"_a, "group"_a)
       .def("rollout", &rollout, "starts"_a, "memories"_a, "commands"_a, "models"_a, "states"_a,
            "targets"_a, "positions"_a, "rotations"_a, "memory_out"_a, "valid"_a);
 }

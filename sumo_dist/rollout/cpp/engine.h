@@ -1,5 +1,8 @@
 // Policy-in-the-loop rollouts: groups of rows in lockstep, so that the policy runs in batches.
 //
+// A thread has one simulation, which its rows use in turn: what a step works with stays in the
+// cache, where one simulation for each row would not fit.
+//
 // MuJoCo is reached through addresses alone (its functions, models, data and their arrays): struct
 // layouts change between releases, the functions' signatures do not.
 #pragma once
@@ -17,9 +20,12 @@ struct Physics {
   std::vector<const void*> models;  // the model itself, then its variations, equal in all sizes
   void (*step)(const void* model, void* data);
   void (*set_state)(const void* model, void* data, const double* state, int signature);
+  void (*get_state)(const void* model, const void* data, double* state, int signature);
   void (*kinematics)(const void* model, void* data);
-  int signature;  // of the state that resets a simulation
+  int signature;   // of the state that resets a simulation
+  int state_size;  // of that state
   int nq, nv, nu;
+  int qpos;      // where qpos and qvel begin in that state
   int substeps;  // physics steps per policy step
 };
 
@@ -56,9 +62,9 @@ struct Request {
 
 class Engine {
  public:
-  // Every thread gets an equal share of the simulations: its largest group.
+  // A thread for each simulation, for groups of up to `group` rows.
   Engine(const Physics& physics, std::shared_ptr<const Policy> policy,
-         const std::vector<Simulation>& simulations, int threads);
+         const std::vector<Simulation>& simulations, int group);
 
   void rollout(const Request& request);
 
@@ -66,9 +72,10 @@ class Engine {
   class Group;
 
   struct Lane {  // what one thread works with
-    std::vector<Simulation> simulations;
+    Simulation simulation;
     std::unique_ptr<Policy::Workspace> workspace;
     std::vector<PolicyRow> rows;
+    std::vector<double> states;  // of the group's rows, between their steps
     std::vector<int> live;
   };
 
@@ -76,6 +83,7 @@ class Engine {
 
   Physics physics_;
   std::shared_ptr<const Policy> policy_;
+  int group_;
   int frames_;
   std::vector<Lane> lanes_;
   std::mutex busy_;
