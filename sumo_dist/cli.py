@@ -68,6 +68,9 @@ COMMANDS = {
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.measure.rollout"),
+    "bench model": Command(
+        "Compare planning models: what each costs and finds", "sumo_dist.bench.measure.model"
+    ),
     "bench realtime": Command(
         "Time whole plans, and say how many cores 20 Hz needs", "sumo_dist.bench.measure.realtime"
     ),

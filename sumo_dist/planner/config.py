@@ -165,7 +165,8 @@ class PlannerConfig:
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, int | float | str]) -> "PlannerConfig":
-        """Build from all settings by name, as they come over the wire."""
+        """Build from all settings by name, as they come over the wire or are in a recording."""
+        settings = {**_BEFORE, **settings}
         types = {f.name: type(f.default) for f in fields(cls)}
         if {name: type(value) for name, value in settings.items()} != types:
             valid = ", ".join(f"{name}: {kind.__name__}" for name, kind in types.items())
@@ -181,6 +182,9 @@ class PlannerConfig:
 def _wrong_type(key: str, kind: type, value: object) -> UsageError:
     return UsageError(f"setting {key} needs a value of type {kind.__name__}, got {value!r}")
 
+
+# What a setting was before there was one: runs of then still replay.
+_BEFORE = {"model": "full"}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.

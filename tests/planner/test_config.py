@@ -93,6 +93,8 @@ def test_bad_settings_say_what_is_valid(setting, message):
 def test_survives_the_wire():
     config = PlannerConfig(optimizer="mppi", horizon=0.8, rollouts=7)
     assert PlannerConfig.from_settings(asdict(config)) == config
+    before = {name: value for name, value in asdict(config).items() if name != "model"}
+    assert PlannerConfig.from_settings(before) == replace(config, model="full")
 
 
 @pytest.mark.parametrize(

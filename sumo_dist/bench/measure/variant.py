@@ -15,10 +15,12 @@ class Variant(NamedTuple):
     engine: str  # "engine", "physics only", "fallback" or "reference"
     density: float  # of the fluid [kg/m^3]
     timestep: float  # of the physics [s]
+    lean: bool = False  # without what model.departures leaves out
 
     def __str__(self) -> str:
         """Name it in a table."""
-        return f"{self.engine}, density {self.density:g}, dt {self.timestep:g}"
+        lean = ", lean" if self.lean else ""
+        return f"{self.engine}, density {self.density:g}, dt {self.timestep:g}{lean}"
 
 
 class Round(NamedTuple):

@@ -3,6 +3,7 @@ import json
 import os
 import sys
 from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,18 @@ def result():
 
 
 def test_ratios_are_those_of_the_rows(result):
-    cpu = {(r["engine"], r["density"], r["timestep"]): r["cpu_ms_median"] for r in result["rows"]}
+    cpu = {
+        (r["engine"], r["density"], r["timestep"], r["lean"]): r["cpu_ms_median"]
+        for r in result["rows"]
+    }
     assert result["policy_over_physics"] == pytest.approx(
-        cpu["engine", 1.0, 0.01] / cpu["physics only", 1.0, 0.01], rel=1e-2
+        cpu["engine", 1.0, 0.01, False] / cpu["physics only", 1.0, 0.01, False], rel=1e-2
     )
     assert result["fallback_over_engine"] == pytest.approx(
-        cpu["fallback", 0.0, 0.02] / cpu["engine", 0.0, 0.02], rel=1e-2
+        cpu["fallback", 0.0, 0.02, True] / cpu["engine", 0.0, 0.02, True], rel=1e-2
+    )
+    assert result["lean_over_full"] == pytest.approx(
+        cpu["engine", 0.0, 0.02, True] / cpu["engine", 0.0, 0.02, False], rel=1e-2
     )
     assert [result[key] for key in REFERENCE_KEYS] == [None, None]
 
@@ -51,7 +58,7 @@ def test_each_override_has_its_deviation(result):
     full = Variant("engine", 1.0, 0.01)._asdict()
     against_full = [d["variant"] for d in result["deviations"] if d["against"] == full]
     options = [(v["density"], v["timestep"]) for v in against_full if v["engine"] == "engine"]
-    assert options == [(0.0, 0.01), (1.0, 0.02), (0.0, 0.02)]
+    assert options == [(0.0, 0.01), (1.0, 0.02), (0.0, 0.02), (0.0, 0.02)]
 
 
 def test_g1_is_measured_with_its_own_overrides(monkeypatch, capsys):
@@ -78,7 +85,7 @@ def test_difference_of_poses():
 
 
 def test_the_references_model_is_the_planning_model():
-    ours = compile_model(load_task("spot/move_box").scene, PLANNING)
+    ours = compile_model(load_task("spot/move_box").scene, replace(PLANNING, departures=()))
     theirs = compile_without_visuals("spot/move_box", PLANNING.timestep, PLANNING.fluid_density)
     assert theirs.ngeom == ours.ngeom
     assert np.array_equal(theirs.geom_size, ours.geom_size)
