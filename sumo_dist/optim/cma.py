@@ -94,14 +94,18 @@ class CovarianceAdaptation:
         if not len(order):
             return belief
         now = belief if isinstance(belief, Evolution) else Evolution.start(belief)
-        n = now.mean.size
+        searched = now.variances > 0.0
+        n = int(searched.sum())
         rates = Rates.of(len(order), n)
         best = knots[order[: len(rates.weights)]].astype(float)
-        moves = (best - now.mean) / now.step  # (mu, K, n)
+        moves = np.where(searched, (best - now.mean) / now.step, 0.0)  # (mu, K, n)
         move = np.einsum("b,bkn->kn", rates.weights, moves)
 
         path_white = _follow(
-            now.path_white, move / np.sqrt(now.variances), rates.path_white, rates.mu_eff
+            now.path_white,
+            move / np.sqrt(np.where(searched, now.variances, 1.0)),
+            rates.path_white,
+            rates.mu_eff,
         )
         length = float(np.linalg.norm(path_white))
         expected = math.sqrt(n) * (1 - 1 / (4 * n) + 1 / (21 * n**2))

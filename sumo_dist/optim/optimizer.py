@@ -12,7 +12,7 @@ class Belief:
 
     Attributes:
         mean: (K, n) knots.
-        sigma: (K, n) standard deviations.
+        sigma: (K, n) standard deviations; 0 is not searched.
     """
 
     mean: np.ndarray

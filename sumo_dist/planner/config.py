@@ -26,8 +26,8 @@ class PlannerConfig:
         horizon: [s], a whole number of policy steps.
         rollouts: candidates per plan, all iterations and their unperturbed means included.
         nodes: knots per plan.
-        spline: "zero", "linear", "cubic" or "smooth", which goes on where the plan before it is,
-            in value and slope: its first two knots, a tick ago and now, are given.
+        spline: "zero", "linear", "cubic" or "smooth", a cubic that begins with a knot of a
+            tick ago: targets of limbs go on where the plan before is, in value and slope.
         iterations: optimizer iterations per plan, among which the rollouts are divided.
         decay: each iteration has this factor fewer rollouts than the one before it.
         variance_first, variance_last: noise variance of the first and last node, in normalised
@@ -46,7 +46,7 @@ class PlannerConfig:
     optimizer: str = "ps"
     horizon: float = 1.5
     rollouts: int = 16
-    nodes: int = 5
+    nodes: int = 6
     spline: Order = "smooth"
     iterations: int = 1
     decay: float = 1.0

@@ -61,8 +61,8 @@ class Planner:
     """Algorithm 1 for one task. Keeps nothing between plans: seed and request decide the result.
 
     The paper's symbols: a, the action (a spline through knots, in normalised units); mu and sigma,
-    mean and scale of the noise over the knots that are searched; g, the map to the policy's
-    command; J, the cost of a rollout s' = f(s, policy(s, g(a))).
+    mean and scale of the noise over its knots; g, the map to the policy's command; J, the cost of
+    a rollout s' = f(s, policy(s, g(a))).
     """
 
     def __init__(self, config: PlannerConfig, actions: ActionSpace, seed: int) -> None:
@@ -72,7 +72,7 @@ class Planner:
         self._seed = seed
         self._optimizer = make_optimizer(config.optimizer, config.elites, config.temperature)
         self._node_times = splines.knot_times(config.spline, config.nodes, config.horizon)
-        self._given = splines.given(config.spline)
+        self._smooth = config.spline == "smooth"
         self._sigma = self._noise()
         self._coloring = coloring(config.noise_exponent, len(self._sigma))
 
@@ -81,14 +81,14 @@ class Planner:
     ) -> PlanResult:
         """Run the iterations of one plan; `rollouts` takes the place of the configured number."""
         config = self.config if rollouts is None else replace(self.config, rollouts=rollouts)
-        given, free = np.split(self.shifted(request), [self._given])
-        belief = Belief(free, self._sigma)  # mu: the last plan, shifted; (F, n)
+        shifted = self.shifted(request)
+        belief = Belief(shifted[-len(self._sigma) :], self._sigma)  # mu: the last plan, shifted
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
             drawn = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, F, n)
-            # roll out f(s, policy(s, g(a)))
-            evaluation = evaluate(request, iteration, _after(given, drawn))
+            knots = self._after(shifted[0], drawn)  # (B, K, n)
+            evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)
             belief = self._optimizer.update(belief, drawn, costs)  # CEM: mu is the elites' mean
             row = int(np.argmin(costs))
@@ -97,10 +97,10 @@ class Planner:
         assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
-        knots = _after(given, np.clip(chosen, -1.0, 1.0)[None])[0]
-        plan = Plan(
-            request.number, request.tick, knots, config.horizon, config.spline
-        )  # followed until the next one comes
+        chosen = np.clip(chosen, -1.0, 1.0).astype(np.float32)
+        knots = self._after(shifted[0], chosen[None])[0]
+        # followed until the next one comes
+        plan = Plan(request.number, request.tick, knots, config.horizon, config.spline)
         return PlanResult(plan, evaluation, request.cost, failed)
 
     def shifted(self, request: PlanRequest) -> np.ndarray:
@@ -109,22 +109,32 @@ class Planner:
             default = self._actions.unit(self._actions.default)
             return np.repeat(default[None], self.config.nodes, axis=0)
         elapsed = self._node_times + (request.tick - request.previous.tick) * TICK
-        return request.previous.at_times(elapsed)
+        knots = request.previous.at_times(elapsed)
+        return self._after(knots[0], knots[None, -len(self._sigma) :])[0]
 
     def _noise(self) -> np.ndarray:
-        """Standard deviations (F, n) of the knots that are searched."""
-        config, ahead = self.config, int((self._node_times >= 0.0).sum())
-        ramp = noise_ramp(config.variance_first, config.variance_last, ahead, self._actions.size)
-        sigma = ramp[ahead - (config.nodes - self._given) :]
-        sigma[:, self._actions.base] *= config.base_noise
+        """Standard deviations (F, n) of the knots from the start on."""
+        config, base = self.config, self._actions.base
+        ahead = int((self._node_times >= 0.0).sum())
+        sigma = noise_ramp(config.variance_first, config.variance_last, ahead, self._actions.size)
+        sigma[:, base] *= config.base_noise
+        if self._smooth:
+            sigma[0, ~base] = 0.0
         return sigma
+
+    def _after(self, before: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+        """Complete knots (B, F, n) from the start on by those before it; (B, K, n).
+
+        A limb's target goes on as it moved: its knot before the start is that of the plan before,
+        (n,). A velocity of the base starts anew, on the line to its next knot: the gait smooths it.
+        """
+        if not self._smooth:
+            return drawn
+        lead = TICK / self._node_times[2]
+        anew = np.clip(drawn[:, 0] - lead * (drawn[:, 1] - drawn[:, 0]), -1.0, 1.0)
+        first = np.where(self._actions.base, anew, before).astype(drawn.dtype)
+        return np.concatenate([first[:, None], drawn], axis=1)
 
     def _rng(self, number: int, iteration: int) -> np.random.Generator:
         bits = np.random.Philox(key=[self._seed, number], counter=[0, 0, 0, iteration])
         return np.random.Generator(bits)
-
-
-def _after(given: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Put the knots (g, n) that are given before those (B, F, n) that are searched; float32."""
-    before = np.broadcast_to(given, (len(free), *given.shape))
-    return np.concatenate([before, free], axis=1).astype(np.float32)

@@ -10,6 +10,7 @@ from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.robots.spot import spot_actions
+from sumo_dist.timing import TICK
 
 ACTIONS = spot_actions()
 N = ACTIONS.size
@@ -51,7 +52,7 @@ LINEAR = PlannerConfig(spline="linear", nodes=4)
 
 def test_the_first_plan_starts_from_standing_still():
     knots = Planner(PlannerConfig(), ACTIONS, seed=0).shifted(request())
-    assert knots.shape == (5, N)
+    assert knots.shape == (6, N)
     assert np.allclose(ACTIONS.physical(knots), ACTIONS.default)
 
 
@@ -101,18 +102,32 @@ def test_a_planner_keeps_nothing_between_plans():
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
 def test_a_smooth_plan_goes_on_where_the_last_one_is(optimizer):
-    """In value and slope, for every candidate and the plan."""
+    """The limbs' targets, in value and slope, for every candidate and the plan."""
     config, bowl = PlannerConfig(optimizer, rollouts=16, iterations=2), Bowl()
     planner = Planner(config, ACTIONS, seed=0)
     first = planner.plan(request(0), Bowl()).plan
     result = planner.plan(request(1, tick=3, previous=first), bowl)
     before, now = first.at(np.array([2, 3]))
     for knots in (*np.concatenate(bowl.asked), result.plan.knots):
-        assert knots[:2] == pytest.approx(np.array([before, now]), abs=1e-6)
+        assert knots[:2, 3:] == pytest.approx(np.array([before, now])[:, 3:], abs=1e-6)
     actions = np.concatenate([first.at(np.arange(4)), result.plan.at(np.arange(4, 9))])
-    jumps = np.abs(np.diff(actions, axis=0)).max(axis=0)
+    jumps = np.abs(np.diff(actions, axis=0)).max(axis=0)[3:]
     assert not np.array_equal(result.plan.knots[2:], planner.shifted(request(1, 3, first))[2:])
-    assert jumps.max() < 0.15  # at 0.5 s the knots are up to 2 away
+    assert jumps.max() < 0.2  # at 0.375 s the knots are up to 2 away
+
+
+def test_the_velocities_of_the_base_start_anew():
+    """On the line to their next knot."""
+    bowl, config = Bowl(), PlannerConfig(rollouts=16)
+    planner = Planner(config, ACTIONS, seed=0)
+    planner.plan(request(1, tick=3, previous=planner.plan(request(), Bowl()).plan), bowl)
+    candidates = bowl.asked[0][..., :3]
+    assert (candidates[:, 1].std(axis=0) > 0.1).all()
+    spacing = config.horizon / (config.nodes - 2)
+    ahead = (candidates[:, 2] - candidates[:, 1]) / spacing
+    behind = (candidates[:, 1] - candidates[:, 0]) / TICK
+    inside = np.abs(candidates[:, 0]) < 1.0
+    assert behind[inside] == pytest.approx(ahead[inside], abs=1e-4)
 
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
