@@ -20,7 +20,7 @@ LEAN = (DRY, SELF, SEARCH, SOLVER)
 
 SLIPPING = 2.0  # speed at which damping takes what dry friction takes at any speed [rad/s]
 SPARSE = 40  # degrees of freedom from which sparse matrices are faster
-PAIRS = 1000  # geom pairs up to which a list of them is cheaper than MuJoCo's search
+PAIRS = 1000  # geom pairs beyond which a list of them saves nothing over MuJoCo's search
 
 
 def compile_without(

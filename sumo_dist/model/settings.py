@@ -56,6 +56,8 @@ def fuse_static(spec: mujoco.MjSpec, into_world: bool) -> None:
 
 def settings_left_out(spec: mujoco.MjSpec, scene: mujoco.MjSpec) -> list[str]:
     """What a file sets for a whole world, differs from the scene's, and is left out, in words."""
+    if not hasattr(spec, "authored"):  # MuJoCo 3.6, of the reference: nobody asks it for remarks
+        return []
     written = [n for i, n in enumerate(_OPTIONS) if spec.authored.option >> i & 1]
     names = [
         n for n in written if not np.array_equal(*(getattr(s.option, n) for s in (spec, scene)))
