@@ -46,7 +46,7 @@ class PlannerConfig:
     optimizer: str = "ps"
     horizon: float = 1.5
     rollouts: int = 16
-    nodes: int = 6
+    nodes: int = 5
     spline: Order = "smooth"
     iterations: int = 1
     decay: float = 1.0

@@ -92,14 +92,14 @@ def test_commands_are_rolled_out_from_a_state(mpc, state):
 
 
 def test_candidates_of_ones_own_are_costed(mpc, state):
-    knots = np.zeros((2, 6, mpc.task.actions.size))
+    knots = np.zeros((2, 5, mpc.task.actions.size))
     knots[1] = 0.5
     evaluation = mpc.evaluate(state, knots)
     costs = evaluation.costs(mpc.weights)
     assert evaluation.terms.shape == (2, len(mpc.task.cost))
     assert costs.shape == (2,)
     assert costs[0] != costs[1]
-    with pytest.raises(UsageError, match=r"they need \(rollouts, 6, "):
+    with pytest.raises(UsageError, match=r"they need \(rollouts, 5, "):
         mpc.evaluate(state, knots[:, :3])
 
 

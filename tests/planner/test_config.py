@@ -14,7 +14,7 @@ def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
     config = PlannerConfig()
     assert (config.horizon, config.steps) == (1.5, 75)
     assert (config.variance_first, config.variance_last) == (0.02, 0.6)
-    assert (config.spline, config.nodes) == ("smooth", 6)
+    assert (config.spline, config.nodes) == ("smooth", 5)
 
 
 @pytest.mark.parametrize(
