@@ -80,7 +80,7 @@ def read_rrd() -> Callable[[Path], Rrd]:
 @pytest.fixture(scope="session")
 def short_run() -> Recording:
     """Half a second of spot/move_box, planned in this process with few and short rollouts."""
-    planner = PlannerConfig(rollouts=6, horizon=0.2)
+    planner = PlannerConfig("cem", rollouts=6, horizon=0.2)
     config = EpisodeConfig("spot/move_box", seed=3, planner=planner, time_limit=0.5)
     recording, _ = run_single(config, threads=1)
     return recording

@@ -13,7 +13,7 @@ from urllib.parse import quote, unquote
 
 from sumo_dist.errors import UsageError
 
-SCHEMA = 4  # raise it with every change of a message's fields or of their meaning
+SCHEMA = 5  # raise it with every change of a message's fields or of their meaning
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"

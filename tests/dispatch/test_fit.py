@@ -15,11 +15,11 @@ from sumo_dist.planner.config import PlannerConfig
     ],
 )
 def test_as_many_as_fit(pace, budget, rollouts):
-    assert fitted(PlannerConfig(), pace, budget) == rollouts
+    assert fitted(PlannerConfig(rollouts=32), pace, budget) == rollouts
 
 
 def test_no_fewer_than_the_optimizer_needs():
-    assert fitted(PlannerConfig(elites=9), 0.0, 46.0) == 10
+    assert fitted(PlannerConfig("cem", elites=9), 0.0, 46.0) == 10
     assert fitted(PlannerConfig(iterations=7), 0.0, 46.0) == 7
 
 

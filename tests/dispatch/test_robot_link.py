@@ -43,7 +43,7 @@ def readings(tick):
     )
 
 
-def plan_message(number, tick=None, run="run", knots=(4, 9), terms=TERMS, parameters=PARAMETERS):
+def plan_message(number, tick=None, run="run", knots=(5, 9), terms=TERMS, parameters=PARAMETERS):
     tick = anchor_tick(number) if tick is None else tick
     plan = Plan(number, tick, np.full(knots, 0.1, np.float32), 1.5, "linear")
     costs = np.zeros(3), np.ones(3, bool)
@@ -335,8 +335,8 @@ def test_a_stop_ends_its_waiting_at_once(ends, eventually):
             f"the robot's task has ({TERMS}, {TERMS}, {PARAMETERS})",
         ),
         (plan_message(4, parameters=PARAMETERS + 2), "terms, weights and parameters"),
-        (plan_message(4, knots=(5, 9)), "it has 5 nodes, 4 were asked for"),
-        (plan_message(4, knots=(4, 25)), "its knots have 25 numbers, this robot's actions 9"),
+        (plan_message(4, knots=(4, 9)), "it has 4 nodes, 5 were asked for"),
+        (plan_message(4, knots=(5, 25)), "its knots have 25 numbers, this robot's actions 9"),
         (plan_message(4, tick=11), "it is anchored on tick 11 instead of 10"),
         (plan_message(10_000), "it begins 500 s from now, at most 2"),
         (State("run", 0, np.zeros(57)), "a state of tick 0 with 57 numbers is refused"),

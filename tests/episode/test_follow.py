@@ -129,7 +129,7 @@ def test_a_plan_from_far_ahead_would_keep_out_all_others():
     assert unfollowable(far, ACTIONS, now=2450) == ""
 
 
-def report(terms=4, weights=4, parameters=4, nodes=4, number=3, width=ACTIONS.size):
+def report(terms=4, weights=4, parameters=4, nodes=5, number=3, width=ACTIONS.size):
     given = Plan(number, anchor_tick(number), np.zeros((nodes, width), np.float32), 0.5, "linear")
     numbers = (np.zeros(size) for size in (terms, weights, parameters))
     return PlanReport(given, np.zeros(6), np.ones(6, bool), *numbers, plan_ms=1.0, own_ms=1.0)
@@ -142,7 +142,7 @@ def report(terms=4, weights=4, parameters=4, nodes=4, number=3, width=ACTIONS.si
         ({"terms": 3}, "it has (3, 4, 4) terms, weights and parameters, the robot's task has "),
         ({"weights": 5}, "it has (4, 5, 4) terms, weights and parameters"),
         ({"parameters": 0}, "it has (4, 4, 0) terms, weights and parameters"),
-        ({"nodes": 5}, "it has 5 nodes, 4 were asked for"),
+        ({"nodes": 4}, "it has 4 nodes, 5 were asked for"),
         ({"width": 8}, "its knots have 8 numbers, this robot's actions 9"),
         ({"number": 90}, "it begins 4 s from now, at most 2"),
     ],

@@ -79,7 +79,7 @@ def test_another_seed_gives_another_run(quick):
     assert not set(digests(recording)) & set(digests(quick))
 
 
-@pytest.mark.parametrize("optimizer", ["mppi", "ps"])
+@pytest.mark.parametrize("optimizer", ["mppi", "cem"])
 def test_every_optimizer_plans_and_repeats_itself(optimizer, quick):
     planner = PlannerConfig(optimizer, rollouts=6, horizon=0.5)
     recording, _ = run(planner=planner, time_limit=0.5)

@@ -271,7 +271,9 @@ def expected_digests():
     """Return a function: what one process makes of the same episode."""
 
     @cache
-    def expected(optimizer="cem", time_limit=1.0, estimator="truth", task="spot/move_box"):
+    def expected(
+        optimizer=QUICK.optimizer, time_limit=1.0, estimator="truth", task="spot/move_box"
+    ):
         planner = replace(QUICK, optimizer=optimizer)
         episode = EpisodeConfig(task, 1, planner, estimator=estimator, time_limit=time_limit)
         recording, _ = run_single(episode, threads=1)

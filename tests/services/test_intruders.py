@@ -47,7 +47,7 @@ def digests(summary):
     return summary["plan_digest"], summary["state_digest"]
 
 
-def plan(run, number, nodes=4, terms=TERMS, actions=9):
+def plan(run, number, nodes=5, terms=TERMS, actions=9):
     knots = np.full((nodes, actions), 0.9, np.float32)
     made = Plan(number, anchor_tick(number), knots, 0.4, "linear")
     costs = np.zeros(3), np.ones(3, bool)
@@ -60,7 +60,7 @@ def one_term_more(system, number):
 
 
 def other_nodes(system, number):
-    return plan(system.run_id, number, nodes=5)
+    return plan(system.run_id, number, nodes=4)
 
 
 def of_another_robot(system, number):

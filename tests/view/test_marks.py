@@ -22,7 +22,7 @@ def test_cheaper_is_brighter_whatever_the_scale():
 
 def test_only_candidates_with_a_cost_are_drawn():
     costs = np.array([np.inf, 2.0, np.inf, 1.0, 3.0, 4.0])
-    elites, others, _ = ranked(costs, PlannerConfig(elites=3))
+    elites, others, _ = ranked(costs, PlannerConfig("cem", elites=3))
     assert list(elites) == [3, 1, 4]
     assert list(others) == [5]
     elites, others, shades = ranked(np.full(4, np.inf), PlannerConfig())
