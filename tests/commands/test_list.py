@@ -39,7 +39,7 @@ def test_a_tasks_own_settings_stand_beside_it(capsys):
     main(Options())
     shown = capsys.readouterr().out
     assert "g1/door_open        G1 pushes open a door" in shown
-    assert shown.count("(horizon=2.5, nodes=7, base_noise=1.0)") == 4
+    assert shown.count("(optimizer=cem, horizon=2.5, nodes=7, base_noise=1.0)") == 4
 
 
 def test_one_task_is_shown_in_full(capsys, tmp_path):
