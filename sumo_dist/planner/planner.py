@@ -87,7 +87,7 @@ class Planner:
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
             drawn = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, F, n)
-            knots = self._after(shifted[0], drawn)  # (B, K, n)
+            knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)
             belief = self._optimizer.update(belief, drawn, costs)  # CEM: mu is the elites' mean
@@ -97,8 +97,7 @@ class Planner:
         assert evaluation is not None, "there is at least one iteration"
         chosen = best if self.config.execute == "best" else belief.mean
         failed = not np.isfinite(lowest)
-        chosen = np.clip(chosen, -1.0, 1.0).astype(np.float32)
-        knots = self._after(shifted[0], chosen[None])[0]
+        knots = self._after(shifted[0], np.clip(chosen, -1.0, 1.0)[None])[0].astype(np.float32)
         # followed until the next one comes
         plan = Plan(request.number, request.tick, knots, config.horizon, config.spline)
         return PlanResult(plan, evaluation, request.cost, failed)
@@ -130,9 +129,9 @@ class Planner:
         """
         if not self._smooth:
             return drawn
-        lead = TICK / self._node_times[2]
+        lead, drawn = TICK / self._node_times[2], drawn.astype(float)
         anew = np.clip(drawn[:, 0] - lead * (drawn[:, 1] - drawn[:, 0]), -1.0, 1.0)
-        first = np.where(self._actions.base, anew, before).astype(drawn.dtype)
+        first = np.where(self._actions.base, anew, before)
         return np.concatenate([first[:, None], drawn], axis=1)
 
     def _rng(self, number: int, iteration: int) -> np.random.Generator:

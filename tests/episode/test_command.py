@@ -73,7 +73,7 @@ def test_numbers_change_from_the_next_plan_on(controls):
         (("parameter", "gaol", "1"), "unknown parameter 'gaol'"),
         (("planner", "rolouts", "3"), "unknown setting 'rolouts'"),
         (("planner", "rollouts", "0"), "rollouts must be from 1"),
-        (("planner", "nodes", "5"), "nodes are an episode's"),
+        (("planner", "nodes", "6"), "nodes are an episode's"),
         (("step", "", ""), "pause first: a step is of a robot that is paused"),
         (("reset", "", "soon"), "seed must be a whole number from 0 to"),
         (("reset", "", "-1"), "seed must be a whole number from 0 to"),

@@ -343,7 +343,10 @@ def _tell(level: str, text: str) -> None:
 
 def samples(rng: np.random.Generator) -> list[Message]:
     """Return valid messages of every kind, as the services of this target would send them."""
-    none, knots = np.zeros(0, np.int64), rng.uniform(-1, 1, (4, 9)).astype(np.float32)
+    none, knots = (
+        np.zeros(0, np.int64),
+        rng.uniform(-1, 1, (CONFIG.planner.nodes, 9)).astype(np.float32),
+    )
     plan = Plan(40, anchor_tick(40), knots, 1.5, "linear")
     memory, state = np.zeros(12, np.float32), np.concatenate([[0, 0, 0.5, 1], rng.random(60)])
     poses = np.tile([0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0], (1, 2, 1))

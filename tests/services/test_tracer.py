@@ -8,6 +8,7 @@ import pytest
 
 from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.services.tracer import Backlog, Candidates, Tracer, TracerOptions, run
@@ -34,7 +35,8 @@ def report(number, finite=None):
 
 
 def info(run_id="r", number=1, task="spot/move_box"):
-    return EpisodeInfo(run_id, EpisodeConfig(task).to_json(), "hash", number)
+    config = EpisodeConfig(task, planner=PlannerConfig("cem"))
+    return EpisodeInfo(run_id, config.to_json(), "hash", number)
 
 
 def shard(number, start, count, worker="w", iteration=0, run_id="r"):
