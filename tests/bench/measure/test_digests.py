@@ -23,8 +23,8 @@ def test_another_digest_is_noticed():
 
 def test_the_runs_cover_both_robots_every_optimizer_and_a_disturbed_plant():
     runs = [entry["run"] for entry in KNOWN["full"]]
-    assert len(runs) == len(KNOWN["short"]) == 10
-    assert sum(run.startswith("g1/") for run in runs) == 2
+    assert len(runs) == len(KNOWN["short"]) == 12
+    assert sum(run.startswith("g1/") for run in runs) == 3
     for optimizer in ("cma", "icem", "mppi", "ps"):
         assert any(f"--optimizer {optimizer}" in run for run in runs)
     assert any("--plant perturbed --estimator lowpass" in run for run in runs)
