@@ -14,8 +14,8 @@ from sumo_dist.tasks.reset import FloorDraw, near
 FLOOR_FRICTION = 1.0
 WORKSPACE = 6.0  # what is farther from the origin cannot be fetched within an episode [m]
 CONTROL_WEIGHT = 3.0
-# The horizon is the released code's. G1 walks faster after the mean of the best plans than after the
-# best one (docs/results/search.md).
+# The horizon is the released code's. G1 walks faster after the mean of the best plans than after
+# the best one (docs/results/search.md).
 MEASURED = {"optimizer": "cem", "horizon": 2.5, "nodes": 7, "base_noise": 1.0}
 
 # The paper's trials start alike. Ours differ by these, drawn uniformly, so that a rate over seeds
