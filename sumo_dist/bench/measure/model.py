@@ -5,6 +5,7 @@ states. What a model is worth is how it orders them, beside the plant's own mode
 """
 
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -92,17 +93,22 @@ def measure(options: Options) -> Result:
     config = PlannerConfig.resolve(task.planner)
     models = planning_models(config)
     problems = {model: Problem.build(task, of_it) for model, of_it in models.items()}
-    engines = {model: problem.engine(1, options.engine) for model, problem in problems.items()}
-    ask = {model: Evaluator(problems[model], engines[model], config) for model in models}
     cpu = {model: [] for model in models}
     costs = {model: [] for model in models}
     weights = task.table.defaults.weights
-    for number, question in enumerate(questions(options, config)):
-        found = rounds(ask, question, options.repeats, number)
-        for model, (least, evaluation) in found.items():
-            cpu[model].append(least)
-            costs[model].append(evaluation.costs(weights))
-        say(f"{number + 1} of {options.plans} plans")
+    with ExitStack() as stack:
+        ask = {
+            model: Evaluator(
+                problem, stack.enter_context(problem.engine(1, options.engine)), config
+            )
+            for model, problem in problems.items()
+        }
+        for number, question in enumerate(questions(options, config)):
+            found = rounds(ask, question, options.repeats, number)
+            for model, (least, evaluation) in found.items():
+                cpu[model].append(least)
+                costs[model].append(evaluation.costs(weights))
+            say(f"{number + 1} of {options.plans} plans")
     return {
         "engine": name,
         "engine_build": build,
