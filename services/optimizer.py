@@ -24,6 +24,7 @@ from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.plan import Plan
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
@@ -227,7 +228,8 @@ class OptimizerServer:
             if self._planner is not None and options != planning_options(self._planner.config):
                 self._problem = Problem.build(self._problem.task, options)
                 self._close()
-            self._planner = Planner(settings, self._problem.task.actions, self._seed)
+            guide = make_guide(self._problem, settings)
+            self._planner = Planner(settings, self._problem.task.actions, self._seed, guide)
         return self._planner
 
     def _close(self) -> None:

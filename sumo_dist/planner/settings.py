@@ -10,6 +10,7 @@ from sumo_dist.timing import TICK
 
 Execute = Literal["mean", "best"]
 Model = Literal["lean", "full"]
+Guidance = Literal["none", "object"]
 
 
 class Setting(NamedTuple):
@@ -87,5 +88,8 @@ SETTINGS = {
     ),
     "model": _one_of(
         "what rollouts are made with; full is all that the plant has", get_args(Model)
+    ),
+    "guidance": _one_of(
+        "object: candidates that push the object to its goal are proposed", get_args(Guidance)
     ),
 }
