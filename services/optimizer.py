@@ -23,8 +23,8 @@ from sumo_dist.errors import Interrupted, SumoError, TaskError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
-from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.guidance import make_guide
+from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport

@@ -137,6 +137,7 @@ def _default_folder(episode: EpisodeConfig) -> Path:
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
     task = load_task(episode.task)
+    task.check_settings(episode.planner)
     for remark in remarks(task.scene):
         say(remark)
     episode.cost(task)

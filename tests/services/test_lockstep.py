@@ -24,16 +24,22 @@ def no_traceback(capfd):
 
 
 @pytest.mark.parametrize(
-    ("workers", "threads", "optimizer"),
-    [(1, 1, "cem"), (1, 2, "mppi"), (2, 1, "ps"), (2, 2, "cem"), (5, 2, "cem")],
+    ("workers", "threads", "optimizer", "guidance"),
+    [
+        (1, 1, "cem", "none"),
+        (1, 2, "mppi", "none"),
+        (2, 1, "ps", "object"),
+        (2, 2, "cem", "none"),
+        (5, 2, "cem", "none"),
+    ],
 )
 def test_any_number_of_workers_and_threads_gives_the_same_bits(
-    run_system, expected_digests, config, workers, threads, optimizer
+    run_system, expected_digests, config, workers, threads, optimizer, guidance
 ):
-    planner = replace(config, optimizer=optimizer)
+    planner = replace(config, optimizer=optimizer, guidance=guidance)
     code, summary = run_system(workers, threads, planner=planner, time_limit=1.0).finish()
     assert (code, summary["end_reason"], summary["plans"]) == (1, "timeout", 20)
-    assert digests(summary) == expected_digests(optimizer)
+    assert digests(summary) == expected_digests(optimizer, guidance=guidance)
     # a worker that is slow to compile is asked twice: that is no loss
     assert summary["partial_plans"] == summary["missed_deadlines"] == 0
 
