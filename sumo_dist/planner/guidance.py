@@ -48,7 +48,7 @@ class ObjectFirst:
         root = model.body_rootid[model.geom_bodyid]
         self._of_robot = np.flatnonzero(root == self._base)
         self._of_object = np.flatnonzero(root == self._object)
-        velocities = [*task.actions.velocities]
+        velocities = task.actions.searched[task.actions.base]
         self._lower, self._upper = task.actions.lower[velocities], task.actions.upper[velocities]
         times = splines.knot_times(config.spline, config.nodes, config.horizon)
         times = times[times >= 0.0]
@@ -84,13 +84,13 @@ class ObjectFirst:
         way = _planar(goal - place)
         heading = _unit(_planar(data.xmat[self._base].reshape(3, 3)[:, 0]))
         base, centre = data.xpos[self._base], data.subtree_com[self._object]
-        thing, robot = self._corners(self._of_object), self._corners(self._of_robot)
-        low, high = thing[..., 2].min(), thing[..., 2].max()
+        thing = np.vstack([centre, *self._corners(self._of_object)])
+        robot = self._corners(self._of_robot)
+        low, high = thing[:, 2].min(), thing[:, 2].max()
         beside = (robot[..., 2].min(axis=1) < high) & (robot[..., 2].max(axis=1) > low)
-        thing = (thing - centre).reshape(-1, 3)
-        robot = (robot[beside] - base).reshape(-1, 3)
+        thing, robot = thing - centre, np.vstack([base, *robot[beside]]) - base
         radius = float(np.hypot(thing[:, 0], thing[:, 1]).max())
-        side = float(np.abs(_along(robot, heading * 1j)).max(initial=0.0))
+        side = float(np.abs(_along(robot, heading * 1j)).max())
         return Ground(
             base=_planar(base),
             heading=heading,
@@ -98,7 +98,7 @@ class ObjectFirst:
             way=way,
             back=float(_along(thing, -_unit(way)).max()),
             width=float(np.ptp(_along(thing, _unit(way) * 1j))),
-            reach=float(_along(robot, heading).max(initial=0.0)),
+            reach=float(_along(robot, heading).max()),
             keep=radius + side,
         )
 

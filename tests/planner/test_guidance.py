@@ -122,3 +122,17 @@ def test_of_several_objects_it_is_the_one_with_the_goal(move_box):
 
 def test_without_guidance_there_is_no_guide(problem):
     assert make_guide(problem, PlannerConfig()) is None
+
+
+def test_an_object_that_nothing_can_touch_is_a_point(state, move_box, tmp_path):
+    ghost = (
+        "<mujoco><worldbody><body><freejoint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+    )
+    (tmp_path / "ghost.xml").write_text(f"{ghost}</body></worldbody></mujoco>")
+    scene = replace(move_box.scene, objects=(SceneObject("box", str(tmp_path / "ghost.xml")),))
+    guide = guide_of(
+        replace(move_box, scene=scene, frames={"object": FrameRef("body", "box")}, trails=())
+    )
+    ground = guide.ground(state, parameters(move_box))
+    assert (ground.back, ground.width) == (0.0, 0.0)
+    assert np.isfinite(guide(state, parameters(move_box))).all()
