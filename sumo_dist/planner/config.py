@@ -41,7 +41,7 @@ class PlannerConfig:
         timestep: physics step of the planning model [s].
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
         model: the planning model is "lean", see `model.departures`, or "full".
-        guidance: "object" plans for the object first, and the base of one candidate goes with it
+        guidance: "object" plans for the object first, and one candidate is the walk that brings it
             to its goal, see `planner.guidance`; "none" draws all candidates.
     """
 

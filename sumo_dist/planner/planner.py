@@ -127,14 +127,11 @@ class Planner:
     def _propose(self, request: PlanRequest, drawn: np.ndarray) -> None:
         """Put what the guide proposes in the place of the last of the candidates (B, F, n).
 
-        It is the last plan, shifted, as in row 0, with the base half way to what the guide says:
-        that knows of the object, the last plan of all else.
+        The base walks as proposed, and all else is as in the last plan, shifted: as in row 0.
         """
         if self._guide is not None and len(drawn) > 1:
-            base = self._actions.base
-            guided = self._guide(request.state, request.cost.parameters)
             drawn[-1] = drawn[0]
-            drawn[-1][:, base] = (drawn[0][:, base] + guided) / 2
+            drawn[-1][:, self._actions.base] = self._guide(request.state, request.cost.parameters)
 
     def _noise(self) -> np.ndarray:
         """Standard deviations (F, n) of the knots from the start on."""

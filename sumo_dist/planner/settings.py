@@ -90,6 +90,6 @@ SETTINGS = {
         "what rollouts are made with; full is all that the plant has", get_args(Model)
     ),
     "guidance": _one_of(
-        "object: the base of one candidate goes with the object to its goal", get_args(Guidance)
+        "object: one candidate walks behind the object and pushes it", get_args(Guidance)
     ),
 }
