@@ -42,7 +42,7 @@ def info(run_id="r", number=1, task="spot/move_box"):
 def shard(number, start, count, worker="w", iteration=0, run_id="r"):
     paths = np.full((count, 2, 25, 3), number, np.float32)
     paths[:, 0, 0, 0] = np.arange(start, start + count)  # which rollout it is
-    return Traces(run_id, worker, number, iteration, start, paths)
+    return Traces(run_id, worker, "spot", number, iteration, start, paths)
 
 
 def test_a_full_backlog_drops_the_oldest_and_counts():
