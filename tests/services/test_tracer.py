@@ -109,7 +109,7 @@ def tracing(router, tmp_path, request):
     robot = request.node.originalname.replace("_", "-")[:60]
     stop = threading.Event()
     changes = {"viewer": "none", **getattr(request, "param", {})}
-    options = TracerOptions(tmp_path, router, robot, **changes)
+    options = TracerOptions(out=tmp_path, connect=router, robot=robot, **changes)
 
     def start(tells=True):
         listens = threading.Event()
