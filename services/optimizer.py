@@ -34,17 +34,17 @@ from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD, TICK, anchor_tick, plan_due
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import unique_name
 from sumo_dist.wire.messages import EpisodeInfo, NoPlan, PlanMessage, Question
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 SEND_MARGIN = 0.004  # wall time kept for the update and the plan's way to the robot [s]
 
 
-@dataclass(frozen=True)
-class OptimizerOptions:
+@dataclass(frozen=True, kw_only=True)
+class OptimizerOptions(Connection):
     """An optimizer.
 
     Attributes:
@@ -55,8 +55,6 @@ class OptimizerOptions:
         fit: in realtime, make fewer rollouts when the workers cannot do all of them in time.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
     engine: str = "auto"
     compensate: bool = True
     fit: bool = True
@@ -65,14 +63,14 @@ class OptimizerOptions:
 def run(options: OptimizerOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
     _, build = engine_identity(options.engine)
-    with Bus.dial(options.connect, options.robot) as bus, ExitStack() as stack:
-        tell = teller(bus, "optimizer")
-        evaluator = RemoteEvaluator(bus, build, stop, tell)
+    with options.dial() as bus, ExitStack() as stack:
+        name, tell = unique_name(), teller(bus, "optimizer")
+        evaluator = RemoteEvaluator(bus, name, build, stop, tell)
         inbox = QuestionSlot(bus)
         service = stack.enter_context(OptimizerServer(options, bus, evaluator, tell))
         more = partial(evaluator.workers.publish_health, bus)
         stack.enter_context(Heartbeat(bus, "optimizer", service.health, more))
-        bus.announce("optimizer", unique_name(), build)
+        bus.announce("optimizer", name, build)
         while not stop.is_set():
             info, question = inbox.wait(timeout=0.1)
             try:

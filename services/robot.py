@@ -24,15 +24,15 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.priority import goes_first
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.messages import EpisodeInfo
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 
-@dataclass(frozen=True)
-class RobotOptions:
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions(Connection):
     """A robot, here a simulated one.
 
     Attributes:
@@ -49,8 +49,6 @@ class RobotOptions:
     """
 
     episode: EpisodeConfig
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
     out: Path | None = None
     speed: float | None = None
     wait: float = 30.0
@@ -60,7 +58,7 @@ class RobotOptions:
 
 def run(options: RobotOptions, stop: threading.Event) -> int:
     """Run episodes, write their recordings and summaries, return the last one's exit code."""
-    with Bus.dial(options.connect, options.robot, run=uuid.uuid4().hex[:12]) as bus:
+    with options.dial(run=uuid.uuid4().hex[:12]) as bus:
         return Session(options, bus, stop).run()
 
 

@@ -22,8 +22,8 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
-from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.keys import Member, unique_name
+from sumo_dist.wire.connection import Connection
+from sumo_dist.wire.keys import ANY, WORKER, Member, unique_name
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -34,7 +34,6 @@ from sumo_dist.wire.messages import (
     Traces,
 )
 from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not have it
     from sumo_dist.view.run_logger import Level, RunLogger
@@ -63,8 +62,8 @@ _LAST_WORDS_S = 1.0  # how long messages are still taken after the stop
 _log = logging.getLogger("sumo_dist.tracer")
 
 
-@dataclass(frozen=True)
-class TracerOptions:
+@dataclass(frozen=True, kw_only=True)
+class TracerOptions(Connection):
     """A tracer.
 
     Attributes:
@@ -79,8 +78,6 @@ class TracerOptions:
     """
 
     out: Path | None = None
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
     viewer: str = "web"
     linger: bool = False
 
@@ -309,11 +306,11 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     """
     need("view", "the tracer")
     backlog = Backlog()
-    with Bus.dial(options.connect, options.robot) as bus:
+    with options.dial() as bus:
         # Listen first: by the time that Rerun is loaded, the run may have begun.
         for kind in SHOWN:
-            bus.subscribe(kind, backlog.put)
-        bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
+            bus.subscribe(kind, backlog.put, address=bus.robot if kind is Traces else ANY)
+        bus.watch(WORKER, lambda member, alive: backlog.put(Presence(member, alive)))
         bus.announce("tracer", unique_name())
         _trace(options, backlog, stop)
 

@@ -6,8 +6,8 @@ A worker is started for no task: the first request names one, and it compiles th
 import logging
 import threading
 import time
-from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -22,17 +22,17 @@ from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.priority import lower_priority
 from sumo_dist.rollout import engine_identity
 from sumo_dist.rollout.interface import Engine
+from sumo_dist.services.inbox import Inbox
 from sumo_dist.services.serving import Serving
 from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.finding import Place, Search, only
+from sumo_dist.wire.finding import Search, only_router
 from sumo_dist.wire.health import Counters, Heartbeat
-from sumo_dist.wire.keys import checked_name, unique_name
+from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
-from sumo_dist.wire.session import no_router
 
 ROUTER_WAIT_S = 10.0  # a worker may be started before the router
-LOOK_S = 0.5  # between two looks for a robot
+LOOK_S = 0.5  # between two looks for a router
 
 log = logging.getLogger("sumo_dist.worker")
 
@@ -42,8 +42,8 @@ class WorkerOptions:
     """A worker.
 
     Attributes:
-        connect: the router's endpoint; by default that of the run on this machine.
-        robot: whose plans to work for; by default those of the robot that is there.
+        connect: the router's endpoint; by default that of the router on this machine. All robots
+            there are served.
         name: unique among the workers; by default host and process.
         threads: rollout threads.
         engine: kind of rollout engine, see rollout.make_engine.
@@ -52,7 +52,6 @@ class WorkerOptions:
     """
 
     connect: str | None = None
-    robot: str | None = None
     name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
@@ -73,28 +72,25 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
         aloud: say whom it serves; in a run with many workers the optimizer speaks for them.
 
     Raises:
-        SumoError: another worker has the name, or the optimizer is of another build.
+        SumoError: there is no router, or another worker has the name.
     """
     _, build = engine_identity(options.engine)
     if options.give_way:
         lower_priority()
-    place, inbox = _place(options, stop), Inbox()
-    if place is None:
+    endpoint, inbox = _router(options, stop), Inbox()
+    if endpoint is None:
         return
-    serving = Serving(place, options.threads, aloud)
+    serving = Serving(endpoint, options.threads, aloud)
     with (
-        Bus.dial(place.endpoint, place.robot, timeout=ROUTER_WAIT_S) as bus,
+        Bus.dial(endpoint, POOL, timeout=ROUTER_WAIT_S) as bus,
         EvaluatorCache(options) as evaluators,
         Heartbeat(bus, options.name, evaluators.health),
     ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
-        optimizers = bus.watch("optimizer")
-        _claim_the_name(bus, options.name, place)
-        bus.announce("worker", options.name, build)
+        optimizers = bus.watch("optimizer", partial(_say_misfit, build))
+        _claim_the_name(bus, options.name, endpoint)
+        bus.announce(WORKER, options.name, build)
         while not stop.is_set():
-            for optimizer in optimizers.now:
-                if reason := misfit(optimizer, build):
-                    raise SumoError(f"this worker does not fit the optimizer: {reason}")
             request = inbox.get(timeout=0.1)
             if request is None:
                 serving.idle(optimizers.now)
@@ -106,69 +102,38 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
                 bus.publish(traces)
 
 
-def _place(options: WorkerOptions, stop: threading.Event) -> Place | None:
-    """Wait for the robot to work for; None if told to stop.
+def _router(options: WorkerOptions, stop: threading.Event) -> str | None:
+    """Wait for a router; return its endpoint, None if told to stop.
 
     Raises:
-        SumoError: there is no router.
-        UsageError: there are several robots.
+        SumoError: there is none.
+        UsageError: there are several on this machine.
     """
-    search = Search(options.connect, options.robot)
-    waiting, began = False, time.monotonic()
-    while search.known is None and not stop.is_set():
-        look = search.look()
-        if look.places:
-            return only(look.places)
-        if look.routers and not waiting:
-            waiting = True
-            log.info("%s; waiting for one", search.nobody(look))
-        if not waiting and time.monotonic() > began + ROUTER_WAIT_S:
-            if options.connect is not None:
-                raise no_router(options.connect, ROUTER_WAIT_S)
-            raise SumoError(f"{search.nobody(look)} (waited {ROUTER_WAIT_S:g} s)")
+    began = time.monotonic()
+    while options.connect is None and not stop.is_set():
+        if routers := Search().look().routers:
+            return only_router(routers)
+        if time.monotonic() > began + ROUTER_WAIT_S:
+            raise SumoError(
+                f"no router on this machine (waited {ROUTER_WAIT_S:g} s): --connect names one "
+                "elsewhere"
+            )
         stop.wait(LOOK_S)
-    return search.known
+    return options.connect
 
 
-def _claim_the_name(bus: Bus, name: str, place: Place) -> None:
+def _say_misfit(build: str, optimizer: Member, alive: bool) -> None:
+    """Say that an optimizer will not ask this worker, and why."""
+    if alive and (reason := misfit(optimizer, build)):
+        log.warning("optimizer %s cannot be served: %s", optimizer.id, reason)
+
+
+def _claim_the_name(bus: Bus, name: str, endpoint: str) -> None:
     """Be the worker of this name: two of one name would answer each other's requests."""
-    if not bus.watch("worker").vacant(lambda member: member.id == name):
+    if not bus.watch(WORKER).vacant(lambda member: member.id == name):
         raise SumoError(
-            f"a worker named {name!r} is at {place.endpoint} already: give this one another --name"
+            f"a worker named {name!r} is at {endpoint} already: give this one another --name"
         )
-
-
-class Inbox:
-    """Requests still worth answering: those of the newest plan, within their budget of time."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self._arrived = threading.Condition()
-        self._waiting: deque[tuple[float, RolloutRequest]] = deque()
-
-    def put(self, request: RolloutRequest) -> None:
-        """Take a request; what was asked for an earlier plan or another run is forgotten."""
-        plan = (request.run, request.number, request.iteration)
-        with self._arrived:
-            newest = [w for _, w in self._waiting if (w.run, w.number, w.iteration) == plan]
-            if self._waiting and not newest:
-                last = self._waiting[-1][1]
-                if last.run == request.run and last.order > request.order:
-                    return
-                self._waiting.clear()
-            self._waiting.append((time.monotonic(), request))
-            self._arrived.notify()
-
-    def get(self, timeout: float) -> RolloutRequest | None:
-        """Return the next request, waiting up to timeout [s]."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: bool(self._waiting), timeout)
-            while self._waiting:
-                arrived, request = self._waiting.popleft()
-                late = (time.monotonic() - arrived) * 1e3 > request.reply_budget_ms
-                if request.reply_budget_ms == 0 or not late:
-                    return request
-            return None
 
 
 class EvaluatorCache:
@@ -214,6 +179,7 @@ class EvaluatorCache:
         traces = Traces(
             request.run,
             self._options.name,
+            request.robot,
             request.number,
             request.iteration,
             request.start,
@@ -282,6 +248,7 @@ class EvaluatorCache:
         return RolloutReply(
             run=request.run,
             worker=self._options.name,
+            asker=request.asker,
             number=request.number,
             iteration=request.iteration,
             shard=request.shard,

@@ -17,7 +17,7 @@ from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
-from sumo_dist.wire.keys import Member
+from sumo_dist.wire.keys import WORKER, Member
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
 
 RESEND_S = 1.0  # a shard unanswered for this long goes to another worker
@@ -77,19 +77,29 @@ class RemoteEvaluator:
         waited_s: time spent waiting for workers for this plan.
     """
 
-    def __init__(self, bus: Bus, build: str, stop: threading.Event, tell: Tell) -> None:
-        """Subscribe to replies and members; `tell(level, text)` hears what users should know."""
+    def __init__(self, bus: Bus, name: str, build: str, stop: threading.Event, tell: Tell) -> None:
+        """Subscribe to replies and members.
+
+        Args:
+            bus: of the robot.
+            name: of the optimizer; replies come to it alone.
+            build: that workers must have.
+            stop: ends the waiting.
+            tell: `tell(level, text)` hears what users should know.
+        """
         self._bus, self._build, self._stop = bus, build, stop
+        # Of this process alone: one that is restarted does not take its predecessor's answers.
+        self._asker = f"{name[:50]}-{secrets.token_hex(4)}"
         self._inbox: queue.SimpleQueue[RolloutReply | Change] = queue.SimpleQueue()
-        self._shard = secrets.randbelow(2**50)  # the last one's; another optimizer's are others
+        self._shard = 0  # the last one's
         self._problem: Problem | None = None
         self._settings: dict[str, int | float | str] = {}
         self._deadline: float | None = None
         self.workers = Workers(build, tell)
         self.reissued = 0
         self.waited_s = 0.0
-        bus.subscribe(RolloutReply, self._inbox.put)
-        bus.watch("worker", lambda member, alive: self._inbox.put(Change(member, alive)))
+        bus.subscribe(RolloutReply, self._inbox.put, address=self._asker)
+        bus.watch(WORKER, lambda member, alive: self._inbox.put(Change(member, alive)))
 
     def begin(
         self, problem: Problem, settings: PlannerConfig, deadline: float | None = None
@@ -172,6 +182,8 @@ class RemoteEvaluator:
             RolloutRequest(
                 run=self._bus.run or "",
                 worker=name,
+                asker=self._asker,
+                robot=self._bus.robot,
                 number=request.number,
                 iteration=job.iteration,
                 shard=self._shard,

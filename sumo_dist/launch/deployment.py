@@ -12,7 +12,7 @@ from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import Launcher, Service, dialled
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
+from sumo_dist.wire.session import DEFAULT_ENDPOINT, no_router, nobody_listens
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Deployment:
         resume_wait: how long a stopped robot waits to be told to stand [s].
         stay: the robot waits for another episode when one has ended.
         give_way: the workers let everything else on this machine go first.
+        robot: its name on the bus; None takes the robot's own.
     """
 
     episode: EpisodeConfig
@@ -42,6 +43,7 @@ class Deployment:
     resume_wait: float = 0.0
     stay: bool = False
     give_way: bool = True
+    robot: str | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
@@ -62,12 +64,28 @@ def run_distributed(deployment: Deployment, listen: str | None) -> int:
         if listen is None and endpoint != DEFAULT_ENDPOINT:
             say(f"the port of {DEFAULT_ENDPOINT} is taken: this run is at {endpoint}")
         launcher.start(Service("router", "router", serve.Router(endpoint)))
-        for service in services(deployment, dialled(endpoint)):
-            launcher.start(service)
-        code = launcher.wait_for("robot-interface")
-        if deployment.viewer is not None:
-            launcher.let_finish("tracer")
-        return code
+        return _run(deployment, dialled(endpoint), launcher)
+
+
+def join(deployment: Deployment, endpoint: str) -> int:
+    """Do the same at a router that is there, whose workers are used, too.
+
+    Raises:
+        SumoError: there is none.
+    """
+    if nobody_listens(endpoint):
+        raise no_router(endpoint, 0.0)
+    with Launcher() as launcher:
+        return _run(deployment, endpoint, launcher)
+
+
+def _run(deployment: Deployment, endpoint: str, launcher: Launcher) -> int:
+    for service in services(deployment, endpoint):
+        launcher.start(service)
+    code = launcher.wait_for("robot-interface")
+    if deployment.viewer is not None:
+        launcher.let_finish("tracer")
+    return code
 
 
 def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
@@ -78,7 +96,7 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
     episode = deployment.episode
     bus: dict[str, Any] = {
         "connect": endpoint,
-        "robot": load_task(episode.task).scene.robot.name,
+        "robot": deployment.robot or load_task(episode.task).scene.robot.name,
     }
     if deployment.viewer is not None:  # first: it has most to load before it shows anything
         tracer = serve.Tracer(out=deployment.out, viewer=deployment.viewer, **bus)
@@ -87,11 +105,11 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
     yield Service("optimizer", "optimizer", serve.Optimizer(engine=episode.engine, **bus))
     for i in range(deployment.workers):
         worker = serve.Worker(
+            connect=endpoint,
             name=f"local-{i}",
             threads=deployment.threads,
             engine=episode.engine,
             give_way=deployment.give_way,
-            **bus,
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
     robot = serve.Robot(

@@ -19,11 +19,13 @@ from sumo_dist.errors import SumoError
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import (
     ANY,
+    POOL,
     SCHEMA,
+    WORKER,
     Member,
     alive_key,
     alive_keys,
-    checked_name,
+    checked_robot,
     parse_alive,
     topic_key,
 )
@@ -109,9 +111,12 @@ class Members:
 
 
 class Bus:
-    """One service's session on the bus of one robot. Close it, or use it as a context manager.
+    """One service's session on the bus of one robot, or of a pool of workers.
+
+    Close it, or use it as a context manager.
 
     Attributes:
+        robot: its name; POOL of a worker, which serves any.
         run: id of the run this service is in: messages of others are dropped; None accepts all.
         rejected: messages dropped, counted by reason: those of WireError, "run" (of another run),
             "stale" (older than the newest), "overflow" (the consumer is too slow).
@@ -121,8 +126,8 @@ class Bus:
         """Use an open session, which the bus closes; see `dial`."""
         self.run = run
         self.rejected: Counter[str] = Counter()
+        self.robot = robot
         self._session = session
-        self._robot = robot
         self._closed = False
         self._lock = threading.Lock()
         self._publishers: dict[tuple[type, str | None], zenoh.Publisher] = {}
@@ -143,12 +148,13 @@ class Bus:
 
         Args:
             endpoint: such as "tcp/127.0.0.1:7447".
-            robot: whose bus it is; part of every key.
+            robot: whose bus it is, or POOL; part of the keys.
             run: see the attribute.
             timeout: [s].
             config: Zenoh configuration file for TLS.
         """
-        checked_name("robot", robot)  # a bad name is the caller's error: do not wait first
+        if robot != POOL:
+            checked_robot(robot)  # a bad name is the caller's error: do not wait first
         return cls(open_client(endpoint, timeout, config), robot, run)
 
     def publish(self, message: Message) -> None:
@@ -181,8 +187,12 @@ class Bus:
                 return
             callback(message)
 
-        key = topic_key(self._robot, kind.topic, address if kind.addressed_by else None)
-        self._receivers.append(self._session.declare_subscriber(key, receive))
+        whose = [POOL] if kind.pooled else [self.robot]
+        if kind.of_all and self.robot != POOL:
+            whose.append(POOL)
+        for robot in whose:
+            key = topic_key(robot, kind.topic, address if kind.addressed_by else None)
+            self._receivers.append(self._session.declare_subscriber(key, receive))
 
     def newest(self, kind: type[M], address: str = ANY) -> Newest[M]:
         """Subscribe with a slot that holds the newest message."""
@@ -214,7 +224,7 @@ class Bus:
         Subscribe first: who sees the member can then reach it.
         """
         member = Member(role, id, SCHEMA, build)
-        key = alive_key(self._robot, member)
+        key = alive_key(POOL if role == WORKER else self.robot, member)
         self._tokens.append(self._session.liveliness().declare_token(key))
         return member
 
@@ -234,9 +244,9 @@ class Bus:
             else:
                 members.update(member, sample.kind == zenoh.SampleKind.PUT)
 
-        key = alive_keys(self._robot, role)
         liveliness = self._session.liveliness()
-        self._receivers.append(liveliness.declare_subscriber(key, receive, history=True))
+        for key in self._tokens_of(role):
+            self._receivers.append(liveliness.declare_subscriber(key, receive, history=True))
         return members
 
     def close(self) -> None:
@@ -258,13 +268,22 @@ class Bus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _tokens_of(self, role: str) -> list[str]:
+        """Key expressions of the tokens of a role as this side sees it."""
+        if self.robot == POOL:  # workers see the services of all robots
+            return [alive_keys(ANY, role)]
+        keys = [] if role == WORKER else [alive_keys(self.robot, role)]
+        return [*keys, alive_keys(POOL, WORKER)] if role in (ANY, WORKER) else keys
+
     def _publisher(self, message: Message) -> zenoh.Publisher:
         where = (type(message), message.address)
         with self._lock:
             if where not in self._publishers:
                 priority = zenoh.Priority.REAL_TIME
                 self._publishers[where] = self._session.declare_publisher(
-                    topic_key(self._robot, message.topic, message.address),
+                    topic_key(
+                        POOL if message.pooled else self.robot, message.topic, message.address
+                    ),
                     congestion_control=zenoh.CongestionControl.DROP,
                     priority=zenoh.Priority.BACKGROUND if message.background else priority,
                     express=not message.background,

@@ -140,6 +140,19 @@ def only(places: Sequence[Place]) -> Place:
     raise UsageError(f"{len(places)} robots are here, choose one: {listed}")
 
 
+def only_router(endpoints: Sequence[str]) -> str:
+    """Return the only router's endpoint.
+
+    Raises:
+        UsageError: there are several; it names them with the option that chooses one.
+    """
+    if len(endpoints) == 1:
+        return endpoints[0]
+    what = {router.endpoint: router.who for router in local_routers()}
+    listed = "; ".join(f"--connect {e} for {what.get(e, 'a router')}" for e in endpoints)
+    raise UsageError(f"{len(endpoints)} routers are here, choose one: {listed}")
+
+
 def _choice(place: Place, places: Sequence[Place]) -> str:
     """Options that choose a place among others."""
     if [other.robot for other in places].count(place.robot) == 1:

@@ -1,8 +1,9 @@
 """The names of everything on the bus.
 
-Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`. The prefix of liveliness tokens,
-`sumo/alive/<robot>/<role>/<id>/<schema>/<build>`, has no version: services of different versions or
-builds see each other and can say so.
+Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`; those to and from rollout workers,
+which serve any robot, on `sumo/v<SCHEMA>/pool/<topic>/<address>`. The prefix of liveliness tokens,
+`sumo/alive/<robot or pool>/<role>/<id>/<schema>/<build>`, has no version: services of different
+versions or builds see each other and can say so.
 """
 
 import os
@@ -13,10 +14,12 @@ from urllib.parse import quote, unquote
 
 from sumo_dist.errors import UsageError
 
-SCHEMA = 5  # raise it with every change of a message's fields or of their meaning
+SCHEMA = 6  # raise it with every change of a message's fields or of their meaning
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
+POOL = "pool"  # stands where else a robot's name does, so no robot can have it
+WORKER = "worker"  # the role that is of the pool; all others are of a robot
 
 
 @dataclass(frozen=True, order=True)
@@ -50,6 +53,15 @@ def checked_name(kind: str, name: str) -> str:
             "starting with a letter or a digit"
         )
     return name
+
+
+def checked_robot(name: str) -> str:
+    """Return a robot's name if it can be one, else raise."""
+    if name == POOL:
+        raise UsageError(
+            f"robot {name!r}: the keys of rollout workers have this name; take another"
+        )
+    return checked_name("robot", name)
 
 
 def topic_key(robot: str, topic: str, address: str | None = None) -> str:

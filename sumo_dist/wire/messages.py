@@ -43,6 +43,8 @@ class Message:
     ordered_by: ClassVar[tuple[str, ...]] = ()
     background: ClassVar[bool] = False  # only watched: gives way to what the plan waits for
     any_run: ClassVar[bool] = False  # heard in every run, whatever its id
+    pooled: ClassVar[bool] = False  # to or from a worker, which serves any robot
+    of_all: ClassVar[bool] = False  # workers speak so, too: who listens to a robot hears them
     run: Annotated[str, Text(longest=200)]
 
     @property
@@ -209,6 +211,8 @@ class RolloutRequest(Message):
 
     Attributes:
         worker: who is asked.
+        asker: who asks, unique to an optimizer's process.
+        robot: whose plan it is for.
         number, iteration: of the plan, and of the optimizer within it.
         shard: index of this part of the candidates.
         start: the part's first row among them.
@@ -224,7 +228,10 @@ class RolloutRequest(Message):
     topic: ClassVar[str] = "request"
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    pooled: ClassVar[bool] = True
     worker: Name
+    asker: Name
+    robot: Name
     number: Count
     iteration: Count
     shard: Count
@@ -245,7 +252,7 @@ class RolloutReply(Message):
     """A worker -> optimizer: the costs of a request's rows, or why it refuses.
 
     Attributes:
-        worker, number, iteration, shard, start: of the request.
+        worker, asker, number, iteration, shard, start: of the request.
         terms: (b, n_terms) reduced residuals, unweighted; rows that are not valid are zeros.
         valid: (b,) the rollout and its costs are finite.
         compute_ms: wall time of the rollouts [ms].
@@ -254,9 +261,11 @@ class RolloutReply(Message):
     """
 
     topic: ClassVar[str] = "reply"
-    addressed_by: ClassVar[str | None] = "worker"
+    addressed_by: ClassVar[str | None] = "asker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    pooled: ClassVar[bool] = True
     worker: Name
+    asker: Name
     number: Count
     iteration: Count
     shard: Count
@@ -273,15 +282,17 @@ class Traces(Message):
     """A worker -> tracer: thinned paths of a request's rollouts.
 
     Attributes:
-        worker, number, iteration, start: of the request.
+        worker, robot, number, iteration, start: of the request.
         traces: (b, F, P, 3) positions of F frames at P instants, world [m]; zeros if diverged.
     """
 
     topic: ClassVar[str] = "traces"
-    addressed_by: ClassVar[str | None] = "worker"
+    addressed_by: ClassVar[str | None] = "robot"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
     background: ClassVar[bool] = True
+    pooled: ClassVar[bool] = True
     worker: Name
+    robot: Name
     number: Count
     iteration: Count
     start: Count

@@ -147,6 +147,7 @@ class Health(Message):
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
+    of_all: ClassVar[bool] = True
     source: Name
     mode: Annotated[str, Text(longest=40)]
     counters: Annotated[dict[str, int | float | str], Settings()]

@@ -38,6 +38,7 @@ def answer(asked, **changes):
     reply = RolloutReply(
         run=asked.run,
         worker=asked.worker,
+        asker=asked.asker,
         number=asked.number,
         iteration=asked.iteration,
         shard=asked.shard,
@@ -92,7 +93,7 @@ class Party:
         self._inbox = Inbox()
         with patch.object(gather.queue, "SimpleQueue", lambda: self._inbox):
             self.evaluator = RemoteEvaluator(
-                bus, BUILD, self.stop, lambda *told: self.told.append(told)
+                bus, "one", BUILD, self.stop, lambda *told: self.told.append(told)
             )
         self.workers = self.evaluator.workers
 
@@ -458,7 +459,7 @@ def test_answers_to_another_optimizer_are_not_taken_for_ones_own(party, eventual
     workers = [party.join(f"w-{i}") for i in range(2)]
     with Bus.dial(party.endpoint, party.robot, run="run") as bus:
         told = []
-        other = RemoteEvaluator(bus, BUILD, party.stop, lambda *text: told.append(text))
+        other = RemoteEvaluator(bus, "other", BUILD, party.stop, lambda *text: told.append(text))
         assert eventually(lambda: other._inbox.qsize() == 2)
         for evaluator, fast in ((party.evaluator, "w-0"), (other, "w-1")):
             evaluator.begin(party.problem, party.config)

@@ -156,7 +156,7 @@ class OnBus:
         self.blames = ""  # what of the task raises
         self.no_plan = self.bus.inbox(NoPlan)
         self.add_worker("w")
-        options = OptimizerOptions(endpoint, robot)
+        options = OptimizerOptions(connect=endpoint, robot=robot)
         self._optimizer = threading.Thread(target=run, args=(options, self._stop))
         self._optimizer.start()
         stack.callback(self._optimizer.join)
@@ -174,9 +174,10 @@ class OnBus:
         if self.loses(asked):
             return
         rows = len(asked.knots)
-        who = (asked.run, asked.worker, asked.number, asked.iteration, asked.shard, asked.start)
+        who = asked.run, asked.worker, asked.asker
+        what = asked.number, asked.iteration, asked.shard, asked.start
         costs = np.zeros((rows, self.terms)), np.ones(rows, bool)
-        self.bus.publish(RolloutReply(*who, *costs, 1.0, self.blames, bool(self.blames)))
+        self.bus.publish(RolloutReply(*who, *what, *costs, 1.0, self.blames, bool(self.blames)))
 
     def plan(self, info, question):
         """Tell of an episode and ask until there is a plan of it; return the plan."""
@@ -408,8 +409,10 @@ def test_a_server_takes_up_an_episode_once(router, robot, info, question, monkey
     """The robot says it again whenever it repeats a question."""
     told, built = [], []
     with Bus.dial(router, robot) as bus:
-        evaluator = RemoteEvaluator(bus, "build", threading.Event(), lambda *t: told.append(t))
-        options = OptimizerOptions(router, robot)
+        evaluator = RemoteEvaluator(
+            bus, "one", "build", threading.Event(), lambda *t: told.append(t)
+        )
+        options = OptimizerOptions(connect=router, robot=robot)
         with OptimizerServer(options, bus, evaluator, lambda *t: told.append(t)) as server:
             build = Problem.build
             monkeypatch.setattr(Problem, "build", lambda *a: built.append(a) or build(*a))

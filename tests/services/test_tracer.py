@@ -39,10 +39,10 @@ def info(run_id="r", number=1, task="spot/move_box"):
     return EpisodeInfo(run_id, config.to_json(), "hash", number)
 
 
-def shard(number, start, count, worker="w", iteration=0, run_id="r"):
+def shard(number, start, count, worker="w", iteration=0, run_id="r", robot="spot"):
     paths = np.full((count, 2, 25, 3), number, np.float32)
     paths[:, 0, 0, 0] = np.arange(start, start + count)  # which rollout it is
-    return Traces(run_id, worker, number, iteration, start, paths)
+    return Traces(run_id, worker, robot, number, iteration, start, paths)
 
 
 def test_a_full_backlog_drops_the_oldest_and_counts():
@@ -109,7 +109,7 @@ def tracing(router, tmp_path, request):
     robot = request.node.originalname.replace("_", "-")[:60]
     stop = threading.Event()
     changes = {"viewer": "none", **getattr(request, "param", {})}
-    options = TracerOptions(tmp_path, router, robot, **changes)
+    options = TracerOptions(out=tmp_path, connect=router, robot=robot, **changes)
 
     def start(tells=True):
         listens = threading.Event()
@@ -137,10 +137,10 @@ def publish_run(bus, ticks=13, run_id="r", task="spot/move_box"):
         bus.publish(State(run_id, tick, state))
         if tick % 5 == 0:
             number = tick // 5
-            bus.publish(shard(number, 0, 3, run_id=run_id))
+            bus.publish(shard(number, 0, 3, run_id=run_id, robot=bus.robot))
             bus.publish(PlanMessage.of(run_id, report(number)))
             bus.publish(PlanMessage.of(run_id, report(number)))  # as in lockstep, asked again
-            bus.publish(shard(number, 3, 3, run_id=run_id))
+            bus.publish(shard(number, 3, 3, run_id=run_id, robot=bus.robot))
     time.sleep(0.02)
     bus.publish(Event(run_id, "optimizer", "warning", "a plan was late"))
     time.sleep(0.02)

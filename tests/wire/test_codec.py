@@ -64,15 +64,17 @@ MESSAGES = [
         RNG.random(4), 31.5, 2.25, 2, 0, 4, 1, False, 2,
     ),
     RolloutRequest(
-        RUN, "w-1", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", SETTINGS,
+        RUN, "w-1", "o-1", "spot", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", SETTINGS,
         RNG.random(51), np.zeros(25, np.float32), RNG.random(4),
         RNG.random((16, 4, 9)).astype(np.float32), 40.0,
     ),
-    RolloutReply(RUN, "w-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, "", False),
     RolloutReply(
-        RUN, "w-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task", True
+        RUN, "w-1", "o-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, "", False
     ),
-    Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
+    RolloutReply(
+        RUN, "w-1", "o-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task", True
+    ),
+    Traces(RUN, "w-1", "spot", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
     EpisodeEnd(RUN, 700, "success", True, False),
     TrialRequest(RUN, "w-1.0", 4, "planned", '{"task": "spot/move_box", "seed": 3}'),
@@ -138,7 +140,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (5, "811024a1f35c65ee"), (
+    assert (SCHEMA, digest) == (6, "a921c27152541d18"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 

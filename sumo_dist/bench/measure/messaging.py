@@ -26,6 +26,7 @@ from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.provenance import cores
 from sumo_dist.terminal import say
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import WORKER
 from sumo_dist.wire.messages import EpisodeInfo
 
 ANSWER_S = 60.0
@@ -151,7 +152,7 @@ def text(result: Result) -> Iterable[str]:
 
 
 def _await_workers(bus: Bus, workers: int) -> None:
-    members = bus.watch("worker")
+    members = bus.watch(WORKER)
     deadline = time.monotonic() + ANSWER_S
     while len(members.now) < workers:
         if time.monotonic() > deadline:
