@@ -193,7 +193,8 @@ def planned_services(script: Script, out: Path, endpoint: str) -> list[Service]:
     """
     speed = script.speed if script.clock == "realtime" else None
     run = episode_of(script), script.workers, 1, out, script.viewer or None
-    planned = list(services(Deployment(*run, speed, script.wait), endpoint))
+    deployment = Deployment(*run, speed, script.wait, give_way=script.give_way)
+    planned = list(services(deployment, endpoint))
     names = [service.name for service in planned]
     checks = [(name, names) for name in script.behind]
     targets = [*names, "router"]
