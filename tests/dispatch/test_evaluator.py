@@ -414,10 +414,10 @@ def test_tells_of_each_worker_what_it_does_and_loses(party, eventually):
     party.evaluate(1)
     told = {}
     with Bus.dial(party.endpoint, party.robot) as bus:
-        bus.subscribe(WorkerHealth, lambda message: told.update({message.worker: message}))
+        bus.subscribe(WorkerHealth, lambda m: told.update({w.worker: w for w in m.told}))
 
         def all_told():
-            party.workers.publish_health(party.bus)
+            party.workers.publish_health(party.bus, "one")
             time.sleep(0.05)
             return len(told) == 4
 

@@ -12,7 +12,7 @@ def plan(problem):
 
 
 def forward(problem, engine, plan, tick, until, start):
-    return roll_forward(engine, problem.task.actions, plan, tick, until, *start)
+    return roll_forward(engine, problem.task.actions, [plan], tick, until, *start)
 
 
 def test_predicts_what_the_engine_rolls_out_under_the_plan(problem, engine, plan, start):

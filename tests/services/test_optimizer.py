@@ -385,7 +385,7 @@ def test_it_tells_of_each_of_many_workers_and_its_own_health_stays_short(
     with ExitStack() as stack:
         optimizer = OnBus(stack, router, robot)
         heard, healths = {}, []
-        optimizer.bus.subscribe(WorkerHealth, lambda m: heard.update({m.worker: m}))
+        optimizer.bus.subscribe(WorkerHealth, lambda m: heard.update({w.worker: w for w in m.told}))
         optimizer.bus.subscribe(Health, healths.append)
         names = [f"{'a-host-of-a-very-long-name-in-a-far-away-rack':.55}-{i}" for i in range(20)]
         for name in names:
@@ -422,6 +422,6 @@ def test_a_server_takes_up_an_episode_once(router, robot, info, question, monkey
             with pytest.raises(SumoError, match="the task's files differ"):
                 server.enter(replace(info, run="bad", task_hash="0123"))
             assert bus.run == "bad"
-            server.handle(question(run="bad"))  # of an episode that is not taken up
+            server.handle(question(run="bad"), 0.0)  # of an episode that is not taken up
             server.enter(replace(info, run="good"))
     assert told == []

@@ -34,6 +34,7 @@ from sumo_dist.wire.notices import (
     TrialReply,
     TrialRequest,
     WorkerHealth,
+    WorkerStatus,
 )
 from sumo_dist.wire.schema import MAX_BYTES, WireError, record
 
@@ -83,7 +84,10 @@ MESSAGES = [
     Ack(RUN, 3, "somebody", 120, "unknown cost term"),
     EpisodeInfo(RUN, '{"task": "spot/move_box"}', "ab12", 2),
     Health(RUN, "robot", "running", {"tick": 7, "load": 0.5, "build": "x"}),
-    WorkerHealth(RUN, "w-1", "answers", 310.0, 4, 0.25),
+    WorkerHealth.of(
+        RUN, "o-1",
+        [WorkerStatus("w-1", "answers", 310.0, 4, 0.25), WorkerStatus("w-2", "", 0.0, 0, -1.0)],
+    ),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))

@@ -5,7 +5,7 @@ has the bridge and nothing else.
 """
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +18,9 @@ from sumo_dist.faults.run import FaultRun
 from sumo_dist.faults.script import Fault, Script
 from sumo_dist.record.recording import Recording
 from sumo_dist.terminal import say
+from sumo_dist.timing import anchor_tick
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.messages import PlanMessage, State
 
 OPTIMIZER, WORKERS = ("optimizer",), ("local-0", "local-1")
 ALWAYS_S = 60.0  # longer than a run
@@ -31,6 +34,7 @@ COLUMNS = {
     "rollouts": "{rollouts:g}",
     "lost": "{lost}",
     "age p50 [ms]": "{age_ms:.0f}",
+    "late": "{late}",
     "end": "{end}",
 }
 
@@ -109,8 +113,16 @@ def measure(options: Options) -> Result:
     return {"engine": engine, **about, "rollouts": options.rollouts, "rows": rows}
 
 
-def played(link: Link, options: Options, seed: int) -> tuple[Recording, str]:
-    """Return the recording of a run over a link, and how it ended."""
+class Played(NamedTuple):
+    """A run over a link."""
+
+    recording: Recording
+    end: str
+    late: int  # plans that came after the tick that they are for
+
+
+def played(link: Link, options: Options, seed: int) -> Played:
+    """Run once over a link."""
     faults = tuple(
         replace(f, delay_ms=f.delay_ms / options.speed, kbit_s=f.kbit_s * options.speed)
         for f in link.faults
@@ -125,13 +137,39 @@ def played(link: Link, options: Options, seed: int) -> tuple[Recording, str]:
         give_way=False,
     )
     with tempfile.TemporaryDirectory() as name, FaultRun(script, Path(name)) as run:
-        run.play()
-        return Recording.load(Path(name) / "run.npz"), read_summary(Path(name))["end_reason"]
+        with Bus.dial(run.near, "spot") as bus:
+            arrivals = Arrivals(bus)
+            run.play()
+        end = read_summary(Path(name))["end_reason"]
+        return Played(Recording.load(Path(name) / "run.npz"), end, arrivals.late)
 
 
-def together(found: list[tuple[Recording, str]]) -> dict[str, Any]:
+class Arrivals:
+    """Plans as they come to the robot's router.
+
+    Attributes:
+        late: those of a tick that was over by then.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        """Listen beside the robot."""
+        self.late, self._tick, self._numbers = 0, -1, set[int]()
+        bus.subscribe(State, self._on_state)
+        bus.subscribe(PlanMessage, self._on_plan)
+
+    def _on_state(self, state: State) -> None:
+        self._tick = max(self._tick, state.tick)
+
+    def _on_plan(self, message: PlanMessage) -> None:
+        plan = message.plan
+        if plan.tick == anchor_tick(plan.number) > 0 and plan.number not in self._numbers:
+            self._numbers.add(plan.number)
+            self.late += plan.tick < self._tick
+
+
+def together(found: Sequence[Played]) -> dict[str, Any]:
     """Return the row of some runs over one link."""
-    recordings = [recording for recording, _ in found]
+    recordings = [run.recording for run in found]
     plans = [len(recording.plan_numbers) for recording in recordings]
     ages = np.concatenate([np.asarray(r.age_ticks, float) for r in recordings])
     lost, made = (
@@ -146,7 +184,8 @@ def together(found: list[tuple[Recording, str]]) -> dict[str, Any]:
         "rollouts": float(np.median(made)),
         "lost": int(lost.sum()),
         "age_ms": float(np.median(ages)) * 20.0,
-        "end": ", ".join(sorted({end for _, end in found})),
+        "late": sum(run.late for run in found),
+        "end": ", ".join(sorted({run.end for run in found})),
     }
 
 
