@@ -286,11 +286,9 @@ class RemoteEvaluator:
             return
         if not len(reply.valid):
             return  # it has only said that it is leaving
-        worker.threads = reply.threads
-        worker.answered(len(reply.valid), reply.compute_ms)
-        worker.turnaround.answered(reply.shard, reply.compute_ms, at)
         shard = job.shards.get(reply.shard)
         if shard is None or (reply.number, reply.iteration) != (job.request.number, job.iteration):
+            worker.answered(reply, at)
             return  # late: its plan has gone out
         rows = slice(shard.start, shard.start + shard.count)
         if (reply.start, reply.worker) != (shard.start, shard.worker) or (
@@ -299,6 +297,7 @@ class RemoteEvaluator:
             self._refused(job, reply, f"sent costs of shape {reply.terms.shape}")
             return
         worker.refusals = 0
+        worker.answered(reply, at)
         job.enter(shard, reply)
 
     def _refused(self, job: _Job, reply: RolloutReply, reason: str) -> None:

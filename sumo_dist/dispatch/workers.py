@@ -12,6 +12,7 @@ from sumo_dist.dispatch.silences import Silences
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
 from sumo_dist.wire.keys import SCHEMA, Member
+from sumo_dist.wire.messages import RolloutReply
 from sumo_dist.wire.notices import POOL_HEALTH, WorkerHealth, WorkerStatus
 
 MISSES_TO_SUSPEND = 2  # plans in a row without any answer before a worker is passed over
@@ -88,10 +89,15 @@ class Worker:
         """Whether rows that a plan needs may be entrusted to it."""
         return self.heard > 0 and self.misses < MISSES_TO_SUSPEND
 
-    def answered(self, rows: int, compute_ms: float) -> None:
-        """Learn its speed; from late answers too: those in time alone would flatter it."""
-        speed = rows / max(compute_ms, 1e-3)
+    def answered(self, reply: RolloutReply, at: float) -> None:
+        """Learn its speed and wait from an answer that came at time.monotonic() `at`.
+
+        From late answers too: those in time alone would flatter it.
+        """
+        speed = len(reply.valid) / max(reply.compute_ms, 1e-3)
         self.speed = MEMORY * self.speed + (1.0 - MEMORY) * speed
+        self.turnaround.answered(reply.shard, reply.compute_ms, at)
+        self.threads = reply.threads
         self.answers += 1
         if self.answers >= MEASURED_ANSWERS:
             self.measured = max(self.measured, self.speed)

@@ -20,13 +20,13 @@ def test_every_row_goes_to_exactly_one_worker(start, count, paces):
     assert len({worker for worker, _, _ in shards}) == len(shards)
 
 
-@given(st.integers(1, 300), st.dictionaries(names, st.builds(Pace, speeds), min_size=1))
-def test_shares_are_in_proportion_to_speed(count, paces):
+@given(st.integers(1, 100), st.lists(speeds, min_size=1, max_size=8))
+def test_shares_are_in_proportion_to_speed(count, speeds):
+    paces = {f"w-{i}": Pace(speed) for i, speed in enumerate(speeds)}
     got = {worker: size for worker, _, size in split(0, count, paces)}
-    total = sum(pace.rows_per_ms for pace in paces.values())
     for worker, pace in paces.items():
-        share = count * pace.rows_per_ms / total
-        assert share - 1.001 < got.get(worker, 0) < share + len(paces) + 0.001
+        share = count * pace.rows_per_ms / sum(speeds)
+        assert share - 1.001 < got.get(worker, 0) < share + len(paces)
 
 
 @given(st.integers(1, 100), paces)
