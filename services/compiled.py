@@ -19,7 +19,8 @@ CONFIGS = 4  # planner settings of a problem that evaluators are kept for
 ASKERS = 8  # whose newest plan's answers are kept, in case they are asked for again
 RETRY_S = 2.0  # a task whose files differ from the asker's is not compiled again for this long
 
-K, V = TypeVar("K"), TypeVar("V")
+K = TypeVar("K")
+V = TypeVar("V")
 
 Plan = tuple[str, int, int, PlannerConfig]
 """Run, number, iteration and settings."""
