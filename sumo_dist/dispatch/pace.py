@@ -52,9 +52,14 @@ class Turnaround:
     def __init__(self) -> None:
         """Start with no wait, until one is measured."""
         self.wait_ms = 0.0
+        self._compiles = True
         self._measured = -FRESH_S  # when it was measured last
         self._batch: _Batch | None = None
         self._open: dict[int, _Batch] = {}  # by shard, oldest first
+
+    def restart(self) -> None:
+        """Do not count the next answer: it may have waited for the task to be compiled."""
+        self._compiles = True
 
     def asked(self, plan: int, shard: int, now: float) -> None:
         """Note a request of some plan, now [s]."""
@@ -70,6 +75,9 @@ class Turnaround:
         if batch is None:
             return
         batch.computed_ms += compute_ms
+        if self._compiles:
+            self._compiles = False
+            return
         wait = max(0.0, (now - batch.sent) * 1e3 - batch.computed_ms)
         past = MEMORY if now < self._measured + FRESH_S else 0.0
         self.wait_ms = past * self.wait_ms + (1.0 - past) * wait

@@ -105,6 +105,7 @@ class Worker:
     def measure_again(self) -> None:
         """Forget how fast it was: the questions are of another kind now."""
         self.answers, self.measured = 0, 0.0
+        self.turnaround.restart()
 
     def took(self, share: float) -> None:
         """Learn which share of a plan's rows came in time."""
