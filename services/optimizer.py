@@ -287,7 +287,11 @@ class OptimizerServer:
         request = PlanRequest(number, tick, start, memory, previous, self._cost(question))
         rollouts = self._fitted(planner.config, paces, budget)
         made = self._make(planner, request, began, rollouts, now + budget)
-        self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
+        took = made.plan_ms * 1e-3
+        new = (
+            0.5 if took > self._delay_s else 0.2
+        )  # a plan too far ahead harms less than a late one
+        self._delay_s += new * (took - self._delay_s)
         age = now - arrived + made.plan_ms * 1e-3 + self._way.seconds
         self._publish(replace(made, age_ticks=round(age * question.speed / TICK)), question)
         self._sent.append(made.plan)

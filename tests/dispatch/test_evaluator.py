@@ -156,6 +156,14 @@ def test_a_request_says_all_that_a_worker_must_know(party, problem, config):
     assert asked.settings["rollouts"] == config.rollouts
 
 
+def test_a_request_says_its_robots_priority(party):
+    worker = party.join("w-1")
+    evaluator = RemoteEvaluator(party.bus, "two", BUILD, party.stop, lambda *_: None, priority=-3)
+    evaluator.begin(party.problem, party.config)
+    evaluator(request(), 0, KNOTS)
+    assert {asked.priority for asked in worker.asked} == {-3}
+
+
 def test_waits_for_a_worker_to_join(party):
     timer = threading.Timer(0.3, lambda: party.worker("w-1"))
     timer.start()

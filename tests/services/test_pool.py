@@ -58,8 +58,8 @@ def test_a_worker_that_is_told_to_end_loses_no_plan(
     run_system, expected_digests, eventually, clock
 ):
     """It says so, answers what it was asked, and ends well; nobody else is told anything."""
-    realtime = {"clock": "realtime", "speed": 0.05, "time_limit": 60.0}
-    system = run_system(workers=2, **(realtime if clock == "realtime" else {}))
+    pace = {"time_limit": 1.0} if clock == "lockstep" else {"speed": 0.05, "time_limit": 60.0}
+    system = run_system(workers=2, clock=clock, **pace)
     system.after_plan(4)
     process = system.processes["local-0"]
     process.send_signal(signal.SIGTERM)
