@@ -23,6 +23,17 @@ def test_predicts_what_the_engine_rolls_out_under_the_plan(problem, engine, plan
     assert np.array_equal(memory, rollouts.memory[0])
 
 
+def test_plans_are_followed_in_turn_each_from_its_anchor(problem, engine, plan, start):
+    actions = problem.task.actions
+    later = Plan(1, 14, -plan.knots, 0.5, "linear")
+    last = Plan(2, 30, plan.knots, 0.5, "linear")
+    state, memory = roll_forward(engine, actions, [plan, later, last], 12, 17, *start)
+    followed = [plan.at(np.arange(12, 14)), later.at(np.arange(14, 17))]
+    rollouts = engine.rollout(*start, actions.commands(np.concatenate(followed))[None])
+    assert np.array_equal(state, rollouts.states[0, -1])
+    assert np.array_equal(memory, rollouts.memory[0])
+
+
 def test_two_short_predictions_are_one_long_one(problem, engine, plan, start):
     """Memory goes along, but for the solver's warm start, which a new rollout begins without."""
     there = forward(problem, engine, plan, 12, 15, start)
