@@ -260,8 +260,8 @@ class Tracer:
                 if item.source == "robot":
                     logger.log_mode(max(self._tick, 0), item.mode)
             case WorkerHealth():
-                told = item.worker, item.state, item.rollouts_per_s
-                logger.log_worker(max(self._tick, 0), *told)
+                for told in item.told:
+                    logger.log_worker(max(self._tick, 0), *told[:3])
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
             case Ack():

@@ -89,6 +89,9 @@ COMMANDS = {
         "Measure how far the estimated state is off", "sumo_dist.bench.measure.estimator"
     ),
     "bench latency": Command("Count successes with late plans", "sumo_dist.bench.measure.latency"),
+    "bench links": Command(
+        "Measure what slow and lossy links cost", "sumo_dist.bench.measure.links"
+    ),
     "bench jitter": Command(
         "Time how late the robot's commands are", "sumo_dist.bench.measure.jitter"
     ),

@@ -23,7 +23,7 @@ from sumo_dist.signals import uninterrupted
 from sumo_dist.startup import INTERRUPTED
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
-from sumo_dist.wire.keys import checked_robot
+from sumo_dist.wire.keys import checked_priority, checked_robot
 
 VIEWERS = ("web", "native", "none")
 
@@ -61,6 +61,10 @@ class Options:
             are shared with the other robots there.
         robot: its name on the bus; robots at one router need different ones. By default the kind
             of robot.
+        priority: of the robot among those that its workers serve, from -9 to 9: they work for a
+            lower one when no higher one asks.
+        trust: task files that the run's own workers may run besides the task, or folders of such,
+            for `sumo-dist ctl task`.
         wait: how long the robot waits for an answer before the run ends [s].
         resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
             before the run ends [s].
@@ -90,6 +94,8 @@ class Options:
     listen: str | None = None
     connect: str | None = None
     robot: str | None = None
+    priority: int = 0
+    trust: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     wait: float = 60.0
     resume_wait: float = 0.0
     stay: bool = False
@@ -147,6 +153,7 @@ def _check_endpoints(options: Options) -> None:
         checked_endpoint(options.connect)
     if options.robot is not None:
         checked_robot(options.robot)
+    checked_priority(options.priority)
 
 
 def _default_folder(episode: EpisodeConfig) -> Path:
@@ -198,6 +205,8 @@ def _distributed(
         stay=options.stay,
         give_way=options.give_way,
         robot=options.robot,
+        priority=options.priority,
+        trust=options.trust,
     )
     if options.connect is not None:
         return join(deployment, options.connect)

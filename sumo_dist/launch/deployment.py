@@ -31,6 +31,8 @@ class Deployment:
         stay: the robot waits for another episode when one has ended.
         give_way: the workers let everything else on this machine go first.
         robot: its name on the bus; None takes the robot's own.
+        priority: of it among those that its workers serve.
+        trust: task files that its workers may run besides the episode's own, or folders of such.
     """
 
     episode: EpisodeConfig
@@ -44,6 +46,8 @@ class Deployment:
     stay: bool = False
     give_way: bool = True
     robot: str | None = None
+    priority: int = 0
+    trust: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
@@ -102,7 +106,10 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         tracer = serve.Tracer(out=deployment.out, viewer=deployment.viewer, **bus)
         yield Service("tracer", "tracer", tracer, vital=False)
     yield Service("state-estimator", "state-estimator", serve.Estimator(**bus))
-    yield Service("optimizer", "optimizer", serve.Optimizer(engine=episode.engine, **bus))
+    optimizer = serve.Optimizer(engine=episode.engine, priority=deployment.priority, **bus)
+    yield Service("optimizer", "optimizer", optimizer)
+    own = load_task(episode.task).source
+    trust = (*((Path(own),) if own.endswith(".py") else ()), *deployment.trust)
     for i in range(deployment.workers):
         worker = serve.Worker(
             connect=endpoint,
@@ -110,6 +117,7 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
             threads=deployment.threads,
             engine=episode.engine,
             give_way=deployment.give_way,
+            trust=trust,
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
     robot = serve.Robot(

@@ -159,11 +159,14 @@ class Bus:
 
     def publish(self, message: Message) -> None:
         """Send a message on its topic; dropped where the network or a receiver cannot keep up."""
-        payload = encode(message)
+        self.send(type(message), message.address, encode(message))
+
+    def send(self, kind: type[Message], address: str | None, payload: bytes) -> None:
+        """Send an encoded message of some type; see `publish`."""
         try:
-            self._publisher(message).put(payload)
+            self._publisher(kind, address).put(payload)
         except zenoh.ZError as error:
-            raise SumoError(f"cannot publish {type(message).__name__}: {error}") from None
+            raise SumoError(f"cannot publish {kind.__name__}: {error}") from None
 
     def subscribe(self, kind: type[M], callback: Callable[[M], None], address: str = ANY) -> None:
         """Give a callback every valid message of a type; the others are counted in `rejected`.
@@ -275,18 +278,16 @@ class Bus:
         keys = [] if role == WORKER else [alive_keys(self.robot, role)]
         return [*keys, alive_keys(POOL, WORKER)] if role in (ANY, WORKER) else keys
 
-    def _publisher(self, message: Message) -> zenoh.Publisher:
-        where = (type(message), message.address)
+    def _publisher(self, kind: type[Message], address: str | None) -> zenoh.Publisher:
+        where = (kind, address)
         with self._lock:
             if where not in self._publishers:
                 priority = zenoh.Priority.REAL_TIME
                 self._publishers[where] = self._session.declare_publisher(
-                    topic_key(
-                        POOL if message.pooled else self.robot, message.topic, message.address
-                    ),
+                    topic_key(POOL if kind.pooled else self.robot, kind.topic, address),
                     congestion_control=zenoh.CongestionControl.DROP,
-                    priority=zenoh.Priority.BACKGROUND if message.background else priority,
-                    express=not message.background,
+                    priority=zenoh.Priority.BACKGROUND if kind.background else priority,
+                    express=not kind.background,
                 )
             return self._publishers[where]
 

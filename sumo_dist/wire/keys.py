@@ -19,6 +19,7 @@ SCHEMA = 6  # raise it with every change of a message's fields or of their meani
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
 POOL = "pool"  # stands where else a robot's name does, so no robot can have it
+PRIORITIES = 9  # a robot's priority at workers is from -9 to 9
 WORKER = "worker"  # the role that is of the pool; all others are of a robot
 
 
@@ -62,6 +63,13 @@ def checked_robot(name: str) -> str:
             f"robot {name!r}: the keys of rollout workers have this name; take another"
         )
     return checked_name("robot", name)
+
+
+def checked_priority(priority: int) -> int:
+    """Return a robot's priority if it can be one, else raise."""
+    if not -PRIORITIES <= priority <= PRIORITIES:
+        raise UsageError(f"priority must be from -{PRIORITIES} to {PRIORITIES}, got {priority}")
+    return priority
 
 
 def topic_key(robot: str, topic: str, address: str | None = None) -> str:

@@ -11,12 +11,13 @@ import numpy as np
 
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.wire.keys import NAME_PATTERN
+from sumo_dist.wire.keys import NAME_PATTERN, PRIORITIES
 from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
 
 Count = Annotated[int, Int(0, 2**53)]
 Milliseconds = Annotated[float, Float(0.0)]
 Speed = Annotated[float, Float(0.0, 100.0)]
+Priority = Annotated[int, Int(-PRIORITIES, PRIORITIES)]
 Name = Annotated[str, Text(NAME_PATTERN)]
 
 WirePlan = Annotated[
@@ -127,6 +128,9 @@ class Question(Message):
         weights: (n_terms,) of the cost.
         parameters: (n,) of the task.
         settings: fields of the PlannerConfig.
+        heard: number of the newest plan that has come; -1 before the first.
+        held_ms: wall time since it came [ms], so that the optimizer knows how long a plan and the
+            question after it were on their way.
     """
 
     topic: ClassVar[str] = "question"
@@ -142,6 +146,8 @@ class Question(Message):
     weights: Annotated[np.ndarray, Array("f8", "n_terms")]
     parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     settings: Annotated[dict[str, int | float | str], Settings()]
+    heard: Annotated[int, Int(-1, 2**53)] = -1
+    held_ms: Milliseconds = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +161,8 @@ class PlanMessage(Message):
         weights, parameters: that the plan was made with.
         plan_ms: wall time from the state's arrival to the plan [ms].
         own_ms: the optimizer's own part of it [ms].
-        age_ticks: ticks of robot time between the plan's state and its publication.
+        age_ticks: ticks of robot time between the plan's state and its arrival, as far as the
+            optimizer knows the way.
         lost, reissued, invalid: rollouts never answered, asked for twice, and diverged.
         failed: no candidate was finite; the plan is the shifted previous one.
         workers: that were alive.
@@ -223,6 +230,7 @@ class RolloutRequest(Message):
         parameters: (n,) of the task.
         knots: (b, K, n) normalised actions.
         reply_budget_ms: after which the reply is of no use [ms]; 0 for never.
+        priority: of the robot among those that the worker serves; higher ones go first.
     """
 
     topic: ClassVar[str] = "request"
@@ -245,6 +253,7 @@ class RolloutRequest(Message):
     parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     knots: Annotated[np.ndarray, Array("f4", "b", "K", "n")]
     reply_budget_ms: Milliseconds
+    priority: Priority = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,6 +267,8 @@ class RolloutReply(Message):
         compute_ms: wall time of the rollouts [ms].
         refusal: why nothing was rolled out (terms and valid are empty); "" if it was.
         task_fails: it refuses because the task's own code raises.
+        threads: that it rolls out with.
+        leaving: it is about to, and answers what it was asked so far.
     """
 
     topic: ClassVar[str] = "reply"
@@ -275,6 +286,8 @@ class RolloutReply(Message):
     compute_ms: Milliseconds
     refusal: str
     task_fails: bool
+    threads: Annotated[int, Int(1, 256)] = 1
+    leaving: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,6 +64,7 @@ from sumo_dist.wire.notices import (
     TrialReply,
     TrialRequest,
     WorkerHealth,
+    WorkerStatus,
 )
 
 RUN, ROBOT, WORKER, ASKER = "run", "spot", "w-1", "o-1"
@@ -244,6 +245,8 @@ class MessageHandlers:
     def _plan(self) -> None:
         """Ask the worker, which has answered before the deadline or not."""
         self._evaluator._shard = 0  # an input means the same whenever it comes
+        if (worker := self._evaluator.workers.get(WORKER)) is not None:
+            worker.speed, worker.timely = 1e6, 1.0  # all rows are in one request
         self._evaluator.begin(self._episode.problem, CONFIG.planner, deadline=0.0)
         try:
             evaluation = self._evaluator(self._request, 0, self._knots)
@@ -259,7 +262,7 @@ class MessageHandlers:
         if not self._evaluator.workers:  # left out for good, as it should be: hire it again
             self.handled.add("refusal")
             self._join()
-        self._evaluator.workers.publish_health(self._evaluator._bus)
+        self._evaluator.workers.publish_health(self._evaluator._bus, ASKER)
 
     def _robot(self) -> None:
         """What the robot does with its newest plans, commands and state."""
@@ -319,7 +322,7 @@ class MessageHandlers:
                 self._optimizer.enter(info)
                 self.handled.add("episode")
             if question is not None:
-                self._optimizer.handle(question)
+                self._optimizer.handle(question, self._slot.arrived)
         except SumoError as error:
             self._optimizer.refuse(str(error))
             self.handled.add("refused question")
@@ -383,7 +386,7 @@ def samples(rng: np.random.Generator) -> list[Message]:
         *(CommandMessage(RUN, n, "somebody", *command) for n, command in enumerate(commands)),
         Ack(RUN, 3, "somebody", 12, "unknown task"),
         Health(RUN, "robot", "running", {"tick": 7, "load": 0.5}),
-        WorkerHealth(RUN, WORKER, "answers", 800.0, 3, 0.5),
+        WorkerHealth.of(RUN, ASKER, [WorkerStatus(WORKER, "answers", 800.0, 3, 0.5)]),
         TrialRequest(RUN, "w-1.0", 3, "planned", CONFIG.to_json()),
         TrialReply(RUN, "w-1.0", 3, '{"task": "spot/move_box", "seed": 1}', ""),
     ]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sumo_dist.services import inbox as module
 from sumo_dist.services.inbox import Inbox
 from sumo_dist.wire.messages import RolloutRequest
 
@@ -112,3 +113,46 @@ def test_what_has_a_deadline_goes_first(inbox, asked):
     inbox.put(replace(asked, asker="realtime", reply_budget_ms=10_000.0))
     assert inbox.get(timeout=0.0).asker == "realtime"
     assert inbox.get(timeout=0.0).asker == "lockstep"
+
+
+def test_a_higher_priority_goes_first_but_for_deadlines(inbox, asked):
+    inbox.put(replace(asked, asker="low", priority=-1))
+    inbox.put(replace(asked, asker="usual"))
+    inbox.put(replace(asked, asker="high", priority=2))
+    inbox.put(replace(asked, asker="due", priority=-9, reply_budget_ms=10_000.0))
+    assert [inbox.get(0.0).asker for _ in range(4)] == ["due", "high", "usual", "low"]
+
+
+@pytest.mark.parametrize("sizes", [(1, 1), (1, 8), (3, 5)])
+def test_two_robots_of_equal_load_have_shares_within_a_tenth(inbox, asked, sizes):
+    """Whatever the size of their requests, plan after plan."""
+    got = [0, 0]
+    for number in range(20):
+        for asker, size in enumerate(sizes):
+            knots = np.zeros((size, 4, 9), np.float32)
+            for start in range(0, 120, size):
+                request = replace(asked, asker=f"o-{asker}", number=number, knots=knots)
+                inbox.put(replace(request, start=start))
+        rows = 0
+        while rows < 100:  # before the next plans of both come
+            request = inbox.get(0.0)
+            rows += len(request.knots)
+            got[int(request.asker[-1])] += len(request.knots)
+    assert abs(got[0] - got[1]) <= 0.1 * sum(got) / 2
+
+
+def test_what_waits_is_bounded(inbox, asked):
+    for start in range(module.ROWS):
+        inbox.put(replace(asked, start=2 * start))
+    assert len(starts(inbox)) == module.ROWS // 2
+    inbox.put(asked)
+    assert len(starts(inbox)) == 1
+
+
+def test_askers_are_bounded(inbox, asked, monkeypatch):
+    for asker in range(module.ASKERS + 5):
+        inbox.put(replace(asked, asker=f"o-{asker}"))
+    assert len(starts(inbox)) == module.ASKERS
+    monkeypatch.setattr(module, "REMEMBERED_S", 0.0)
+    inbox.put(replace(asked, asker="late"))
+    assert len(starts(inbox)) == 1

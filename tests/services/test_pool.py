@@ -1,5 +1,6 @@
 """Workers that several robots share."""
 
+import signal
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -50,3 +51,25 @@ def test_three_robots_share_two_workers_and_each_has_the_bits_of_one_that_is_alo
         alone, _ = run_single(EpisodeConfig(task, 1, planner, time_limit=0.6), threads=1)
         assert summary["plan_digest"] == alone.plan_digest
         assert summary["state_digest"] == alone.state_digest
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
+def test_a_worker_that_is_told_to_end_loses_no_plan(
+    run_system, expected_digests, eventually, clock
+):
+    """It says so, answers what it was asked, and ends well; nobody else is told anything."""
+    pace = {"time_limit": 1.0} if clock == "lockstep" else {"speed": 0.05, "time_limit": 60.0}
+    system = run_system(workers=2, clock=clock, **pace)
+    system.after_plan(4)
+    process = system.processes["local-0"]
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(30.0) == 0
+    if clock == "lockstep":
+        assert system.finish(120.0)[0] == 1  # out of time
+        recording = system.recording()
+        assert (recording.plan_digest, recording.state_digest) == expected_digests()
+    else:
+        system.after_more_plans(2)
+        assert eventually(lambda: system.answered > 0, 60.0)
+        system.interrupt()
+    assert not system.said("optimizer", "local-0 does not answer")

@@ -16,7 +16,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, State, Traces
-from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
+from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth, WorkerStatus
 from sumo_dist.wire.session import open_router
 
 ROLLOUTS = 6
@@ -148,7 +148,7 @@ def publish_run(bus, ticks=13, run_id="r", task="spot/move_box"):
         told = {"refused": refused, "mode": state}
         bus.publish(Health("", "optimizer", "realtime", told))
         time.sleep(0.02)
-        bus.publish(WorkerHealth("", "w", state, 300.0, refused, 0.1))
+        bus.publish(WorkerHealth.of("", "o", [WorkerStatus("w", state, 300.0, refused, 0.1)]))
         time.sleep(0.02)
     bus.publish(Ack(run_id, 3, "tester", 12, "no such term"))
     bus.publish(Ack(run_id, 4, "tester", 12, ""))

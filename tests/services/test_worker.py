@@ -15,7 +15,7 @@ from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
-from sumo_dist.services import serving
+from sumo_dist.services import compiled, serving
 from sumo_dist.services.worker import EvaluatorCache, WorkerOptions, run, unique_name
 from sumo_dist.tasks import load_task
 from sumo_dist.wire import finding, routers
@@ -53,6 +53,13 @@ def asked(problem, config):
 @pytest.fixture(scope="module")
 def cache():
     with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
+        yield cache
+
+
+@pytest.fixture
+def trusting(tmp_path):
+    """One that may run the test's files."""
+    with EvaluatorCache(WorkerOptions(name="w-1", trust=(tmp_path,))) as cache:
         yield cache
 
 
@@ -118,9 +125,9 @@ def task():
 
 
 def test_a_task_that_raises_is_blamed_and_the_worker_goes_on(
-    cache, asked, expected, tmp_path, config
+    trusting, asked, expected, tmp_path, config
 ):
-    path = tmp_path / "mine.py"
+    path, cache = tmp_path / "mine.py", trusting
     path.write_text(MINE)
     digest = Problem.build(load_task(str(path)), planning_options(config)).hash
     reply, traces = cache.answer(replace(asked, task=str(path), task_hash=digest))
@@ -190,27 +197,99 @@ def task():
 """
 
 
-def test_a_task_file_that_has_changed_is_loaded_again(asked, config, tmp_path):
-    """Between two sessions of a robot; the worker is the same."""
+def test_a_task_file_that_has_changed_is_loaded_again(trusting, asked, config, tmp_path):
+    """Between two sessions of a robot; the worker is the same. What it has compiled stays."""
     file = tmp_path / "offset.py"
 
-    def answered(cache):
+    def answered():
         problem = Problem.build(load_task(str(file)), planning_options(config))
         request = replace(asked, task=str(file), task_hash=problem.hash, number=asked.number + 1)
-        reply, _ = cache.answer(request)
+        reply, _ = trusting.answer(request)
         assert reply.refusal == ""
         return reply.terms[:, -1], problem.hash
 
-    with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
-        file.write_text(TASK_FILE.format(offset=2.0))
-        before, old = answered(cache)
-        file.write_text(TASK_FILE.format(offset=30.0))
-        after, new = answered(cache)
-        assert old != new
-        assert (before == 2.0).all()
-        assert (after == 30.0).all()
-        refused, _ = cache.answer(replace(asked, task=str(file), task_hash=old))
-        assert "the task's files differ between the hosts" in refused.refusal
+    file.write_text(TASK_FILE.format(offset=2.0))
+    before, old = answered()
+    file.write_text(TASK_FILE.format(offset=30.0))
+    after, new = answered()
+    assert old != new
+    assert (before == 2.0).all()
+    assert (after == 30.0).all()
+    again, _ = trusting.answer(replace(asked, task=str(file), task_hash=old))
+    assert (again.terms[:, -1] == 2.0).all()
+    refused, _ = trusting.answer(replace(asked, task=str(file), task_hash="0123"))
+    assert "the task's files differ between the hosts" in refused.refusal
+
+
+@pytest.fixture
+def builds(monkeypatch):
+    """Tasks that are compiled, in turn."""
+    built, build = [], Problem.build
+
+    def counted(task, options):
+        built.append(task.name)
+        return build(task, options)
+
+    monkeypatch.setattr(Problem, "build", counted)
+    return built
+
+
+def test_tasks_that_alternate_are_compiled_once_and_old_ones_forgotten(asked, config, builds):
+    names = ("spot/move_box", "spot/move_cone", "spot/upright_cone")
+    requests, start = [], asked.state
+    for name in names:
+        problem = Problem.build(load_task(name), planning_options(config))
+        parameters = problem.task.table.defaults.parameters
+        changes = {"task": name, "task_hash": problem.hash, "parameters": parameters}
+        state = start if name == names[0] else draw_start(problem.task, seed=2)
+        requests.append(replace(asked, state=state, knots=asked.knots[:1], **changes))
+    builds.clear()
+    with pytest.MonkeyPatch.context() as patch, EvaluatorCache(WorkerOptions(name="w")) as cache:
+        for number in range(6):
+            for request in requests[:2]:
+                reply, _ = cache.answer(replace(request, number=number))
+                assert reply.refusal == ""
+        assert builds == [*names[:2]]
+        patch.setattr(compiled, "KEPT", 2)
+        cache.answer(requests[2])
+        cache.answer(requests[1])
+        assert builds == [*names]
+        cache.answer(requests[0])
+        assert builds == [*names, names[0]]
+
+
+def test_an_asker_of_another_hash_costs_one_compilation(cache, asked, builds):
+    for number in range(5):
+        reply, _ = cache.answer(replace(asked, task_hash="4567", number=number))
+        assert "has hash" in reply.refusal
+    assert len(builds) == 1
+
+
+@pytest.mark.parametrize("where", ["{0}/x.py", "{0}/ok/../x.py", "{0}/ok/link.py", "{0}/okay/x.py"])
+def test_a_file_that_is_not_trusted_is_not_run(asked, tmp_path, where):
+    ran = tmp_path / "ran"
+    for folder in ("ok", "okay"):
+        (tmp_path / folder).mkdir()
+    for path in ("x.py", "okay/x.py"):
+        (tmp_path / path).write_text(f"open({str(ran)!r}, 'w')")
+    (tmp_path / "ok" / "link.py").symlink_to(tmp_path / "x.py")
+    with EvaluatorCache(WorkerOptions(name="w", trust=(tmp_path / "ok",))) as cache:
+        reply, _ = cache.answer(replace(asked, task=where.format(tmp_path)))
+    assert re.fullmatch(
+        r"task file \S+ is not trusted on this host: start the worker with --trust \S+",
+        reply.refusal,
+    )
+    assert not ran.exists()
+    assert not reply.task_fails
+
+
+def test_more_rows_than_a_plan_has_are_refused(cache, asked, config):
+    many = np.zeros((config.rollouts + 1, config.nodes, 9), np.float32)
+    reply, _ = cache.answer(replace(asked, knots=many))
+    assert reply.refusal == f"{len(many)} rows of a plan of {config.rollouts} rollouts"
+    settings = {**asdict(config), "rollouts": 10**6}
+    reply, _ = cache.answer(replace(asked, settings=settings, knots=many))
+    assert "rollouts must be from 1 to 4096" in reply.refusal
 
 
 def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(router, robot):

@@ -159,7 +159,7 @@ class LatePlanner:
         ends = [max(tick, plan.tick) for plan in plans[1:]] + [until]
         for plan, end in zip(plans, ends, strict=True):
             state, memory = roll_forward(
-                self._engine, self._actions, plan, tick, end, state, memory
+                self._engine, self._actions, [plan], tick, end, state, memory
             )
             tick = max(tick, end)
         return state, memory
