@@ -10,6 +10,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -48,11 +49,14 @@ class OptimizerOptions(Connection):
 
     Attributes:
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose plans to make.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
         fit: in realtime, make fewer rollouts when the workers cannot do all of them in time.
     """
+
+    role: ClassVar[str] = "optimizer"
 
     engine: str = "auto"
     compensate: bool = True
