@@ -8,10 +8,9 @@ again by itself, within half a second.
 import logging
 import signal
 import threading
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-
-import zenoh
 
 from sumo_dist.authority.certificates import ROUTER, KeysError
 from sumo_dist.authority.store import read_revoked
@@ -76,7 +75,7 @@ def serve(options: RouterOptions, stop: threading.Event) -> None:
             _log.warning("the list of revoked keys has changed: all services dial again")
 
 
-def _opened(options: RouterOptions, revoked: frozenset[str]) -> zenoh.Session:
+def _opened(options: RouterOptions, revoked: frozenset[str]) -> AbstractContextManager[None]:
     return open_router(
         options.listen,
         local=options.local,

@@ -95,7 +95,7 @@ class Audit:
         elif match := _OPENED.search(text):
             session, address = match.groups()
             _remember(self._peers, session, f"{self._names.get(address, '?')} from {address}")
-        elif match := _FAILED.search(text):
+        elif (match := _FAILED.search(text)) and "handshake eof" not in text:  # only a look
             self._tell(f"refused a connection, whose source Zenoh does not tell: {match[1]}")
 
     def _refused(self, thread: str, cached: str | None, session: str, what: str, key: str) -> None:

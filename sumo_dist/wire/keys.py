@@ -106,13 +106,13 @@ def parse_presence(key: str) -> tuple[str, Member] | None:
     return None
 
 
-def router_member(kind: str) -> tuple[str, Member]:
-    """Return where and as whom a router is seen.
+def router_key(kind: str) -> str:
+    """Key of a router's liveliness token.
 
     Args:
         kind: OPEN to this machine, SECURE by keys, or INSECURE: open to everybody.
     """
-    return POOL, Member(ROUTER, unique_name(), SCHEMA, kind)
+    return alive_key(POOL, Member(ROUTER, unique_name(), SCHEMA, kind))
 
 
 def router_tokens() -> str:

@@ -11,7 +11,8 @@ import json
 import re
 import socket
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import zenoh
@@ -20,7 +21,7 @@ from sumo_dist.authority.certificates import KeysError
 from sumo_dist.authority.folder import KeyFolder
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire.access import access_control, size_limits
-from sumo_dist.wire.keys import INSECURE, OPEN, SECURE, alive_key, router_member, router_tokens
+from sumo_dist.wire.keys import INSECURE, OPEN, SECURE, router_key, router_tokens
 from sumo_dist.wire.schema import MAX_BYTES
 from sumo_dist.wire.tls import client_settings, router_settings, why_not
 
@@ -78,7 +79,7 @@ def open_client(endpoint: str, timeout: float, keys: KeyFolder | None = None) ->
         },
     }
     if is_secure(endpoint):
-        settings |= client_settings(_needed(keys, endpoint))
+        settings |= client_settings(needed(keys, endpoint))
     deadline = time.monotonic() + timeout
     while True:
         settings["connect/timeout_ms"] = _clamped_ms(deadline - time.monotonic())
@@ -95,7 +96,7 @@ def open_client(endpoint: str, timeout: float, keys: KeyFolder | None = None) ->
     return session
 
 
-def _needed(keys: KeyFolder | None, endpoint: str) -> KeyFolder:
+def needed(keys: KeyFolder | None, endpoint: str) -> KeyFolder:
     """Return the keys for an endpoint with TLS.
 
     Raises:
@@ -134,6 +135,7 @@ def no_router(endpoint: str, waited: float) -> SumoError:
     )
 
 
+@contextmanager
 def open_router(
     listen: str,
     *,
@@ -141,8 +143,8 @@ def open_router(
     keys: KeyFolder | None = None,
     revoked: Collection[str] = (),
     insecure: bool = False,
-) -> zenoh.Session:
-    """Be the router.
+) -> Iterator[None]:
+    """Be the router while this lasts.
 
     Args:
         listen: endpoint to accept clients on; beyond loopback with TLS.
@@ -160,7 +162,7 @@ def open_router(
     settings = {"mode": "router", "listen/endpoints": endpoints, "connect/endpoints": [], **_BOUNDS}
     secure = any(map(is_secure, endpoints))
     if secure:
-        settings |= router_settings(_needed(keys, listen))
+        settings |= router_settings(needed(keys, listen))
         settings |= {"access_control": access_control(revoked), "low_pass_filter": size_limits()}
     try:
         session = zenoh.open(_configuration(settings))
@@ -169,10 +171,8 @@ def open_router(
         raise SumoError(f"cannot listen on {listen}: {cause}") from None
     open_to_all = insecure and not all(is_secure(e) or is_loopback(e) for e in endpoints)
     kind = INSECURE if open_to_all else SECURE if secure else OPEN
-    robot, member = router_member(kind)
-    # it lives as long as the session
-    session.liveliness().declare_token(alive_key(robot, member))
-    return session
+    with session, session.liveliness().declare_token(router_key(kind)):
+        yield
 
 
 def checked_open(endpoints: Collection[str], insecure: bool) -> None:
