@@ -64,18 +64,24 @@ def serve(options: RouterOptions, stop: threading.Event) -> None:
     """
     where = options.listen if options.local is None else f"{options.listen} and {options.local}"
     while not stop.is_set():
-        revoked = _revoked(options)
-        with _opened(options, revoked):
+        revoked = revoked_by(options)
+        with opened(options, revoked):
             _log.info("router listening on %s", where)
             if options.insecure:
                 _log.warning("INSECURE: whoever reaches %s owns the robots here", where)
-            while not stop.wait(WAKE_S) and _revoked(options, revoked) == revoked:
+            while not stop.wait(WAKE_S) and revoked_by(options, revoked) == revoked:
                 pass
         if not stop.is_set():
             _log.warning("the list of revoked keys has changed: all services dial again")
 
 
-def _opened(options: RouterOptions, revoked: frozenset[str]) -> AbstractContextManager[None]:
+def opened(options: RouterOptions, revoked: frozenset[str]) -> AbstractContextManager[None]:
+    """Be the router while this lasts, see `open_router`.
+
+    Args:
+        options: the router's.
+        revoked: common names of certificates that are not accepted.
+    """
     return open_router(
         options.listen,
         local=options.local,
@@ -85,7 +91,7 @@ def _opened(options: RouterOptions, revoked: frozenset[str]) -> AbstractContextM
     )
 
 
-def _revoked(options: RouterOptions, before: frozenset[str] | None = None) -> frozenset[str]:
+def revoked_by(options: RouterOptions, before: frozenset[str] | None = None) -> frozenset[str]:
     """Return whom the router's folder says to refuse.
 
     While it runs, a list that cannot be read is as it was `before`: it is being copied.
