@@ -43,7 +43,7 @@ class Certificate:
         number: among those of its role.
         host: it was issued for.
         begins, expires: between which it is valid.
-        x509: the certificate itself.
+        source: the certificate itself.
     """
 
     role: str
@@ -51,7 +51,7 @@ class Certificate:
     host: str
     begins: datetime
     expires: datetime
-    x509: x509.Certificate
+    source: x509.Certificate
 
     @classmethod
     def of(cls, found: x509.Certificate) -> "Certificate":
@@ -188,7 +188,7 @@ def read_file(path: Path) -> bytes:
 def is_issued_by(certificate: Certificate, ca: Certificate) -> bool:
     """Whether an authority has signed a certificate."""
     try:
-        certificate.x509.verify_directly_issued_by(ca.x509)
+        certificate.source.verify_directly_issued_by(ca.source)
     except (ValueError, TypeError, InvalidSignature):
         return False
     return True

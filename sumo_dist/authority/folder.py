@@ -42,7 +42,7 @@ class KeyFolder:
         if not path.is_dir():
             raise KeysError(f"{path} is no folder with {CA}, {CERTIFICATE} and {KEY}: see `keys`")
         ca, own = read_certificate(path / CA), read_certificate(path / CERTIFICATE)
-        if read_key(path / KEY).public_key() != own.x509.public_key():
+        if read_key(path / KEY).public_key() != own.source.public_key():
             raise KeysError(f"{path / KEY} is not the key of {path / CERTIFICATE}")
         if not is_issued_by(own, ca):
             raise KeysError(f"{path / CERTIFICATE} was not issued by the authority of {path / CA}")

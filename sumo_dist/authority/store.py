@@ -214,7 +214,7 @@ class Authority:
         lasts = timedelta(days=days)
         if datetime.now(UTC) + lasts > self.ca.expires:
             raise KeysError(f"the authority itself ends on {self.ca.expires:%Y-%m-%d}: fewer days")
-        signers = self.ca.x509, read_key(self._own / CA_KEY)
+        signers = self.ca.source, read_key(self._own / CA_KEY)
         made = issue(signers, key.public_key(), (role, number, host), addresses, lasts)
         expires = Certificate.of(made).expires.isoformat()
         record.append(Issued(role, number, host, tuple(addresses), expires))

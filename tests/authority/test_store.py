@@ -40,7 +40,7 @@ def test_a_host_gets_a_folder_a_role_that_belongs_together(authority, role):
     assert folder.certificate.host == "r-1"
     left = folder.certificate.expires - datetime.now(UTC)
     assert timedelta(days=29.9) < left < timedelta(days=30.1)
-    usage = folder.certificate.x509.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
+    usage = folder.certificate.source.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
     expected = "SERVER_AUTH" if role == "router" else "CLIENT_AUTH"
     assert list(usage.value) == [getattr(ExtendedKeyUsageOID, expected)]
     names = {path.name for path in folder.path.iterdir()}
@@ -49,7 +49,7 @@ def test_a_host_gets_a_folder_a_role_that_belongs_together(authority, role):
 
 
 def test_a_router_is_named_by_its_addresses_its_host_and_loopback(authority):
-    found = read_certificate(authority.folder("r-1", "router") / "cert.pem").x509
+    found = read_certificate(authority.folder("r-1", "router") / "cert.pem").source
     names = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert set(names.get_values_for_type(x509.DNSName)) == {"r-1", "localhost"}
     addresses = map(str, names.get_values_for_type(x509.IPAddress))

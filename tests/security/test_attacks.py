@@ -264,9 +264,10 @@ def test_malformed_bytes_within_tls(secured, port):
     random = np.random.default_rng(3)
     for i in range(30):
         noise = random.bytes(int(random.integers(1, 3000)))
-        with tls_socket(secured, port, secured.authority.folder("mallory", "worker")) as peer:
-            with suppress(OSError):  # a length that is right, one that is not, and none
-                peer.sendall(len(noise).to_bytes(2, "little") * (i % 3 != 2) + noise)
+        folder = secured.authority.folder("mallory", "worker")
+        with tls_socket(secured, port, folder) as peer, suppress(OSError):
+            # a length that is right, one that is not, and none
+            peer.sendall(len(noise).to_bytes(2, "little") * (i % 3 != 2) + noise)
     with Bus.dial(secured.tls, "spot", timeout=30.0, keys=secured.keys("worker")):
         pass
 
