@@ -67,7 +67,8 @@ def run_distributed(deployment: Deployment, listen: str | None) -> int:
         listen: the router's endpoint; None takes the usual port, or a free one.
     """
     what = f"{load_task(deployment.episode.task).name} in {deployment.out}"
-    outside = listening(listen) if listen is not None and is_secure(listen) else None
+    listen = None if listen is None else listening(listen)
+    outside = listen if listen is not None and is_secure(listen) else None
     # Where others need keys, the services of this machine have a port of their own.
     here = listen if outside is None else _LOOPBACK
     with router_endpoint(here, what) as endpoint, Launcher() as launcher:
