@@ -7,6 +7,7 @@ import logging
 import queue
 import threading
 from dataclasses import dataclass
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -32,8 +33,11 @@ class EstimatorOptions(Connection):
 
     Attributes:
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose state to estimate.
     """
+
+    role: ClassVar[str] = "robot"
 
 
 def run(options: EstimatorOptions, stop: threading.Event) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class OptimizerOptions(Connection):
 
     Attributes:
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose plans to make.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
@@ -61,6 +63,8 @@ class OptimizerOptions(Connection):
         priority: of the robot among those that its workers serve, from -9 to 9: they work for a
             lower one when no higher one asks. Realtime goes before lockstep whatever it is.
     """
+
+    role: ClassVar[str] = "optimizer"
 
     engine: str = "auto"
     compensate: bool = True

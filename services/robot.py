@@ -9,6 +9,7 @@ import time
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.episode.assemble import Episode
@@ -38,6 +39,7 @@ class RobotOptions(Connection):
     Attributes:
         episode: what to do first.
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: its name on the bus.
         out: folder for run.npz and summary.json, by default a new one below runs/; later episodes
             of the session have their files in episode-2 and so on below it.
@@ -47,6 +49,8 @@ class RobotOptions(Connection):
             before the episode ends [s].
         stay: after an episode has ended, wait for a reset or another task until interrupted.
     """
+
+    role: ClassVar[str] = "robot"
 
     episode: EpisodeConfig
     out: Path | None = None

@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
+from sumo_dist.wire.bus import SHOUT
 from sumo_dist.wire.connection import Connection
-from sumo_dist.wire.keys import ANY, WORKER, Member, unique_name
+from sumo_dist.wire.keys import ANY, INSECURE, ROUTER, WORKER, Member, unique_name
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -71,11 +73,14 @@ class TracerOptions(Connection):
             left alone, and the next number taken. Later episodes of a session have theirs in
             episode-2 and so on below it.
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose episodes to show.
         viewer: "web", "native" or "none".
         linger: stay after the last episode of a session, for the next robot's as well, until told
             to stop or the viewer is closed.
     """
+
+    role: ClassVar[str] = "tracer"
 
     out: Path | None = None
     viewer: str = "web"
@@ -311,8 +316,15 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
         for kind in SHOWN:
             bus.subscribe(kind, backlog.put, address=bus.robot if kind is Traces else ANY)
         bus.watch(WORKER, lambda member, alive: backlog.put(Presence(member, alive)))
+        bus.watch(ROUTER, partial(_show_insecure, backlog))
         bus.announce("tracer", unique_name())
         _trace(options, backlog, stop)
+
+
+def _show_insecure(backlog: Backlog, router: Member, alive: bool) -> None:
+    """Show in the view, too, that the router is open to everybody."""
+    if alive and router.build == INSECURE:
+        backlog.put(Event("", ROUTER, "warning", SHOUT))
 
 
 def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> None:

@@ -26,6 +26,7 @@ from sumo_dist.services.compiled import CompiledProblems
 from sumo_dist.services.inbox import Inbox
 from sumo_dist.services.serving import Serving
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.finding import Search, only_router
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name, unique_name
@@ -47,6 +48,7 @@ class WorkerOptions:
     Attributes:
         connect: the router's endpoint; by default that of the router on this machine. All robots
             there are served.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         name: unique among the workers; by default host and process.
         threads: rollout threads. A worker of one thread a core is as fast as one of many threads,
             and what it is late with, or lost with it, is less.
@@ -58,6 +60,7 @@ class WorkerOptions:
     """
 
     connect: str | None = None
+    keys: Path | None = None
     name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
@@ -84,12 +87,13 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
     _, build = engine_identity(options.engine)
     if options.give_way:
         lower_priority()
+    keys = keys_for(options.connect, options.keys, WORKER)
     endpoint, inbox = _router(options, stop), Inbox()
     if endpoint is None:
         return
     serving = Serving(endpoint, options.threads, aloud)
     with (
-        Bus.dial(endpoint, POOL, timeout=ROUTER_WAIT_S) as bus,
+        Bus.dial(endpoint, POOL, timeout=ROUTER_WAIT_S, keys=keys) as bus,
         EvaluatorCache(options) as evaluators,
         Heartbeat(bus, options.name, evaluators.health),
     ):

@@ -59,6 +59,11 @@ class Options:
             By default tcp/127.0.0.1:7447, or a free port where another run has that.
         connect: endpoint of a router that is there, in place of one of the run's own: its workers
             are shared with the other robots there.
+        keys: folder of this host's keys, one folder a role (hosts/NAME of `sumo-dist keys`), for an
+            endpoint with TLS: of the role router to listen on tls/0.0.0.0:7448, say, where the
+            run's own services need none, and of all the others to join a router.
+        insecure: let anybody in without keys at a --listen beyond this machine: who reaches it
+            owns the robot.
         robot: its name on the bus; robots at one router need different ones. By default the kind
             of robot.
         priority: of the robot among those that its workers serve, from -9 to 9: they work for a
@@ -93,6 +98,8 @@ class Options:
     engine: str = "auto"
     listen: str | None = None
     connect: str | None = None
+    keys: Path | None = None
+    insecure: bool = False
     robot: str | None = None
     priority: int = 0
     trust: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
@@ -147,13 +154,28 @@ def main(options: Options) -> int:
 def _check_endpoints(options: Options) -> None:
     if options.listen is not None and options.connect is not None:
         raise UsageError("a run has a router of its own (--listen) or joins one (--connect)")
-    if options.connect is not None:
-        from sumo_dist.wire.session import checked_endpoint  # Zenoh is loaded where it is needed
-
-        checked_endpoint(options.connect)
+    if options.connect is not None or options.listen is not None:
+        _check_way_in(options)
     if options.robot is not None:
         checked_robot(options.robot)
     checked_priority(options.priority)
+
+
+def _check_way_in(options: Options) -> None:
+    # Zenoh is loaded where it is needed.
+    from sumo_dist.authority.certificates import ROLES
+    from sumo_dist.launch.launcher import listening
+    from sumo_dist.wire.connection import keys_for
+    from sumo_dist.wire.session import checked_endpoint, checked_open, is_secure, needed
+
+    if options.listen is not None:
+        endpoint, roles = listening(options.listen), ROLES[:1]
+        checked_open([endpoint], options.insecure)
+    else:
+        endpoint, roles = checked_endpoint(options.connect or ""), ROLES[1:-1]
+    if is_secure(endpoint):
+        for role in roles:
+            needed(keys_for(endpoint, options.keys and options.keys / role, role), endpoint)
 
 
 def _default_folder(episode: EpisodeConfig) -> Path:
@@ -207,6 +229,8 @@ def _distributed(
         robot=options.robot,
         priority=options.priority,
         trust=options.trust,
+        keys=options.keys and options.keys.absolute(),
+        insecure=options.insecure,
     )
     if options.connect is not None:
         return join(deployment, options.connect)

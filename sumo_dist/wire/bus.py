@@ -9,17 +9,19 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Generic, Self, TypeVar
 
 import zenoh
 
+from sumo_dist.authority.folder import KeyFolder
 from sumo_dist.errors import SumoError
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import (
     ANY,
+    INSECURE,
     POOL,
+    ROUTER,
     SCHEMA,
     WORKER,
     Member,
@@ -27,6 +29,7 @@ from sumo_dist.wire.keys import (
     alive_keys,
     checked_robot,
     parse_alive,
+    router_tokens,
     topic_key,
 )
 from sumo_dist.wire.messages import Message
@@ -41,6 +44,8 @@ _REPORTED_S = 0.05  # those that are there are reported within milliseconds
 INBOX_LIMIT = 1000  # messages a consumer may be behind before newer ones are dropped
 
 _log = logging.getLogger(__name__)
+
+SHOUT = "INSECURE: the router takes anybody without keys: who reaches it owns the robot"
 
 
 class Newest(Generic[M]):
@@ -142,7 +147,7 @@ class Bus:
         *,
         run: str | None = None,
         timeout: float = 10.0,
-        config: Path | None = None,
+        keys: KeyFolder | None = None,
     ) -> Self:
         """Connect to the router at an endpoint, waiting up to `timeout` [s] for it to come up.
 
@@ -151,11 +156,13 @@ class Bus:
             robot: whose bus it is, or POOL; part of the keys.
             run: see the attribute.
             timeout: [s].
-            config: Zenoh configuration file for TLS.
+            keys: of this service, for endpoints with TLS.
         """
         if robot != POOL:
             checked_robot(robot)  # a bad name is the caller's error: do not wait first
-        return cls(open_client(endpoint, timeout, config), robot, run)
+        bus = cls(open_client(endpoint, timeout, keys), robot, run)
+        bus.watch(ROUTER, _shout)
+        return bus
 
     def publish(self, message: Message) -> None:
         """Send a message on its topic; dropped where the network or a receiver cannot keep up."""
@@ -273,6 +280,8 @@ class Bus:
 
     def _tokens_of(self, role: str) -> list[str]:
         """Key expressions of the tokens of a role as this side sees it."""
+        if role == ROUTER:
+            return [router_tokens()]
         if self.robot == POOL:  # workers see the services of all robots
             return [alive_keys(ANY, role)]
         keys = [] if role == WORKER else [alive_keys(self.robot, role)]
@@ -297,3 +306,9 @@ class Bus:
             first = self.rejected[reason] == 1
         if first:
             _log.warning("dropped a message (%s; from now on only counted): %s", reason, detail)
+
+
+def _shout(router: Member, alive: bool) -> None:
+    """Say, in the log of each service, that its router is open to everybody."""
+    if alive and router.build == INSECURE:
+        _log.warning(SHOUT)

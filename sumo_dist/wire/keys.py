@@ -20,7 +20,9 @@ NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
 POOL = "pool"  # stands where else a robot's name does, so no robot can have it
 PRIORITIES = 9  # a robot's priority at workers is from -9 to 9
-WORKER = "worker"  # the role that is of the pool; all others are of a robot
+WORKER = "worker"  # the role that is of the pool, as the router's is; all others are of a robot
+ROUTER = "router"
+OPEN, SECURE, INSECURE = "open", "secure", "insecure"  # a router's in place of a build
 
 
 @dataclass(frozen=True, order=True)
@@ -110,3 +112,17 @@ def parse_presence(key: str) -> tuple[str, Member] | None:
         ):
             return robot, Member(role, name, int(schema), unquote(build))
     return None
+
+
+def router_key(kind: str) -> str:
+    """Key of a router's liveliness token.
+
+    Args:
+        kind: OPEN to this machine, SECURE by keys, or INSECURE: open to everybody.
+    """
+    return alive_key(POOL, Member(ROUTER, unique_name(), SCHEMA, kind))
+
+
+def router_tokens() -> str:
+    """Key expression of the tokens of routers."""
+    return alive_keys(POOL, ROUTER)

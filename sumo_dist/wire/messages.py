@@ -12,7 +12,7 @@ import numpy as np
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.keys import NAME_PATTERN, PRIORITIES
-from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
+from sumo_dist.wire.schema import MAX_BYTES, Array, Fields, Float, Int, Settings, Text
 
 Count = Annotated[int, Int(0, 2**53)]
 Milliseconds = Annotated[float, Float(0.0)]
@@ -46,6 +46,9 @@ class Message:
     any_run: ClassVar[bool] = False  # heard in every run, whatever its id
     pooled: ClassVar[bool] = False  # to or from a worker, which serves any robot
     of_all: ClassVar[bool] = False  # workers speak so, too: who listens to a robot hears them
+    sent_by: ClassVar[tuple[str, ...]] = ()  # roles that may send it, see `wire.access`
+    heard_by: ClassVar[tuple[str, ...]] = ()
+    most_bytes: ClassVar[int] = 128 << 10  # a router lets no longer one through
     run: Annotated[str, Text(longest=200)]
 
     @property
@@ -70,6 +73,8 @@ class EpisodeInfo(Message):
     """
 
     topic: ClassVar[str] = "episode"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "tracer")
     any_run: ClassVar[bool] = True
     config: Annotated[str, Text(longest=20_000)]
     task_hash: Annotated[str, Text(longest=64)]
@@ -88,6 +93,8 @@ class Sensors(Message):
     """
 
     topic: ClassVar[str] = "sensors"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     any_run: ClassVar[bool] = True  # the estimator may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
@@ -108,6 +115,8 @@ class State(Message):
     """
 
     topic: ClassVar[str] = "state"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
     state: Annotated[np.ndarray, Array("f8", "n")]
@@ -134,6 +143,8 @@ class Question(Message):
     """
 
     topic: ClassVar[str] = "question"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("optimizer", "tracer")
     any_run: ClassVar[bool] = True  # the optimizer may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     number: Annotated[int, Int(-1, 2**53)]
@@ -169,6 +180,9 @@ class PlanMessage(Message):
     """
 
     topic: ClassVar[str] = "plan"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
+    most_bytes: ClassVar[int] = MAX_BYTES
     plan: WirePlan
     costs: Annotated[np.ndarray, Array("f8", "B")]
     finite: Annotated[np.ndarray, Array("b1", "B")]
@@ -209,6 +223,8 @@ class NoPlan(Message):
     """
 
     topic: ClassVar[str] = "no-plan"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     reason: str
 
 
@@ -234,6 +250,9 @@ class RolloutRequest(Message):
     """
 
     topic: ClassVar[str] = "request"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("worker",)
+    most_bytes: ClassVar[int] = MAX_BYTES
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
     pooled: ClassVar[bool] = True
@@ -272,6 +291,9 @@ class RolloutReply(Message):
     """
 
     topic: ClassVar[str] = "reply"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    most_bytes: ClassVar[int] = MAX_BYTES
     addressed_by: ClassVar[str | None] = "asker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
     pooled: ClassVar[bool] = True
@@ -300,6 +322,9 @@ class Traces(Message):
     """
 
     topic: ClassVar[str] = "traces"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    most_bytes: ClassVar[int] = MAX_BYTES
     addressed_by: ClassVar[str | None] = "robot"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
     background: ClassVar[bool] = True
@@ -324,6 +349,8 @@ class EpisodeEnd(Message):
     """
 
     topic: ClassVar[str] = "end"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
     tick: Count
     reason: str
     success: bool

@@ -29,6 +29,8 @@ class Event(Message):
     """
 
     topic: ClassVar[str] = "events"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer")
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
@@ -49,6 +51,8 @@ class TrialRequest(Message):
     """
 
     topic: ClassVar[str] = "trial"
+    sent_by: ClassVar[tuple[str, ...]] = ("operator",)
+    heard_by: ClassVar[tuple[str, ...]] = ("worker",)
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number",)
     worker: Name
@@ -68,6 +72,8 @@ class TrialReply(Message):
     """
 
     topic: ClassVar[str] = "trial-result"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator",)
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number",)
     worker: Name
@@ -85,6 +91,8 @@ class CommandMessage(Message):
     """
 
     topic: ClassVar[str] = "command"
+    sent_by: ClassVar[tuple[str, ...]] = ("operator",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     any_run: ClassVar[bool] = True
     number: Count
     sender: Name
@@ -109,6 +117,8 @@ class Ack(Message):
     """
 
     topic: ClassVar[str] = "ack"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "sender"
     any_run: ClassVar[bool] = True
     number: Count
@@ -146,6 +156,8 @@ class WorkerHealth(Message):
     """
 
     topic: ClassVar[str] = "worker-health"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
@@ -190,6 +202,8 @@ class Health(Message):
     """
 
     topic: ClassVar[str] = "health"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "worker")
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True

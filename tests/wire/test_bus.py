@@ -2,6 +2,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from queue import Empty
 
 import numpy as np
@@ -240,13 +241,12 @@ def test_no_router_is_one_clear_error(free_endpoint):
 
 def test_dialling_waits_for_the_router(free_endpoint):
     endpoint = free_endpoint()
-    routers = []
-    late = threading.Timer(0.3, lambda: routers.append(open_router(endpoint)))
-    late.start()
-    with Bus.dial(endpoint, "spot", timeout=10.0) as bus:
-        bus.publish(state(0))
-    late.join()
-    routers[0].close()
+    with ExitStack() as stack:
+        late = threading.Timer(0.3, lambda: stack.enter_context(open_router(endpoint)))
+        late.start()
+        with Bus.dial(endpoint, "spot", timeout=10.0) as bus:
+            bus.publish(state(0))
+        late.join()
 
 
 @pytest.mark.parametrize(
