@@ -1,0 +1,337 @@
+"""`sumo-dist bench scaling`: how long plans take on 1 to 256 workers, from measured parts.
+
+The parts are measured on this machine, the plans of many hosts are predicted by `pool_model`, and
+the prediction is compared with plans that are made here: by real workers, as many as there are
+cores, and by scripted ones that take as long for a request as a slow worker would.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench, table
+from sumo_dist.bench.measure.pool_model import (
+    IN_TIME,
+    Parts,
+    Prediction,
+    RolloutTimes,
+    free_messages,
+    most_that_fit,
+    predict,
+    requests,
+)
+from sumo_dist.bench.measure.pool_parts import (
+    DELAY_MS,
+    FEW,
+    Bench,
+    Made,
+    RolloutTimer,
+    overheads,
+    parts,
+)
+from sumo_dist.bench.measure.snapshot import Snapshot
+from sumo_dist.dispatch.evaluator import CHUNK
+from sumo_dist.episode.assemble import Episode
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.errors import UsageError
+from sumo_dist.priority import goes_first
+from sumo_dist.provenance import cores
+from sumo_dist.terminal import say
+from sumo_dist.timing import PLAN_PERIOD
+
+PERIOD_MS = PLAN_PERIOD * 1e3
+GOALS = {8: 0.85, 256: 0.70}  # workers -> efficiency that is wanted
+CLOSE = 0.15  # by so much of the measured time a prediction may be off
+SCRIPTED = 6  # workers that answer like slow ones
+IF = {  # what is changed -> the parts then
+    "as it is": lambda parts: parts,
+    "rollouts all take the same time": lambda p: replace(p, rollout=p.rollout.without_spread()),
+    "each request costs half": lambda p: replace(p, overhead_ms=[ms / 2 for ms in p.overhead_ms]),
+    "messages cost nothing beyond the first": free_messages,
+    "a plan's base is half": lambda p: replace(p, base_ms=p.base_ms / 2),
+}
+
+ROLLOUTS = {
+    "rows of a request": "{rows}",
+    "median [ms]": "{median_ms:.1f}",
+    "a row": "{a_row_ms:.2f}",
+    "p99 over median": "{p99:.2f}",
+}
+MESSAGES = {
+    "workers": "{workers}",
+    "rollouts": "{rollouts}",
+    "plan without rollouts [ms]": "{plan_ms:.1f}",
+    "optimizer's own [ms]": "{own_ms:.1f}",
+    "its processor time": "{optimizer_cpu_ms:.1f}",
+    "router's": "{router_cpu_ms:.1f}",
+}
+CHECKS = {
+    "workers": "{what}",
+    "rollouts": "{rollouts}",
+    "measured p50 [ms]": "{measured_ms:.1f}",
+    "predicted": "{predicted_ms:.1f}",
+    "off by": "{off:+.1%}",
+    "measured p99": "{measured_p99_ms:.1f}",
+    "predicted p99": "{predicted_p99_ms:.1f}",
+}
+PREDICTED = {
+    "workers": "{workers}",
+    "plan p50 [ms]": "{p50_ms:.1f}",
+    "p99": "{p99_ms:.1f}",
+    "in time": "{in_time:.1f}",
+    "efficiency": "{efficiency:.0%}",
+    "rollouts that fit": "{fit}",
+    "their efficiency": "{fit_efficiency:.0%}",
+}
+CHANGES = {
+    "if": "{change}",
+    "{few} workers: p50 [ms]": "{p50_ms:.1f}",
+    "efficiency": "{efficiency:.0%}",
+    "{most} workers: rollouts that fit": "{fit}",
+    "their efficiency": "{fit_efficiency:.0%}",
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of `bench scaling`.
+
+    Attributes:
+        json: print one JSON object.
+        robot: spot or g1.
+        workers: numbers of them to time messages with and to predict for.
+        rollouts: of the plans that are predicted and made; the other predictions are of as many as
+            fit into a plan's period.
+        plans: timed, of each kind.
+        real: workers on this machine to compare with; by default one for each core, at most 4.
+        slowdown: of the six scripted workers to compare with.
+        engine: auto, native, native-portable or fallback; auto does not take the fallback.
+    """
+
+    json: bool = False
+    robot: str = "spot"
+    workers: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+    rollouts: int = 32
+    plans: int = 40
+    real: int | None = None
+    slowdown: float = 3.0
+    engine: str = "auto"
+
+    def __post_init__(self) -> None:
+        check_at_least(1, rollouts=self.rollouts, plans=self.plans, real=self.real)
+        for number in self.workers:
+            check_at_least(1, workers=number)
+        if not self.workers:
+            raise UsageError("workers: name at least one number of them")
+        if not 0 < self.slowdown <= 100:
+            raise UsageError(f"slowdown must be in (0, 100], got {self.slowdown}")
+
+
+def main(options: Options) -> int:
+    """Measure, predict, compare, and print tables or one JSON object."""
+    robot = f" --robot {options.robot}" if options.robot != "spot" else ""
+    run_bench(f"bench scaling{robot}", options.json, lambda: measure(options), text)
+    return 0
+
+
+def measure(options: Options) -> Result:
+    """Measure the parts, predict from them, and make plans to compare with."""
+    name, _ = checked_engine(options.engine)
+    snapshot = Snapshot.load(options.robot)
+    episode = Episode.assemble(EpisodeConfig(snapshot.task, engine=options.engine))
+    with Bench.start(episode, snapshot, options.plans, options.engine) as bench:
+        priority = "real-time" if goes_first() else "normal"
+        with RolloutTimer(episode, snapshot, options.engine) as timer:
+            rollout = timer.times(options.plans)
+            say("rollouts timed")
+            made = overheads(bench, options.workers)
+            found = parts(rollout, made)
+            checks = [*by_real(options, bench, found, timer), *by_scripted(options, bench, found)]
+    about = {"engine": name, "task": snapshot.task, "plans": options.plans, "priority": priority}
+    return {
+        **about,
+        "rollouts": options.rollouts,
+        "rollout": rollout_rows(found),
+        "messages": [message_row(*kind, of_it) for kind, of_it in sorted(made.items())],
+        "row_ms": round(found.row_ms, 4),
+        "idle_ms": round(found.idle_ms, 4),
+        "limits": limits(found, made),
+        "checks": checks,
+        "predicted": predictions(options, found),
+        "changes": changes(options, found),
+    }
+
+
+def by_real(
+    options: Options, bench: Bench, found: Parts, timer: RolloutTimer
+) -> Iterator[dict[str, Any]]:
+    """Compare with plans of real workers; the rollouts it is predicted from are timed in turn."""
+    real = options.real or min(4, cores())
+    with bench.real(real):
+        for rollouts in numbers(options):
+            _, rows = requests(real, rollouts, None)
+            samples: dict[int, list[float]] = {int(size): [] for size in {1, 2, *rows}}
+
+            def time_rollouts() -> None:
+                for size, of_it in samples.items():  # noqa: B023
+                    of_it.append(timer(size))
+
+            made = bench.timed(real, rollouts, time_rollouts)
+            of_now = replace(found, rollout=RolloutTimes.of(samples))
+            yield check_row(f"{real} real", made, predict(of_now, real, rollouts, PERIOD_MS))
+
+
+def by_scripted(options: Options, bench: Bench, found: Parts) -> Iterator[dict[str, Any]]:
+    """Compare with plans of scripted workers that take as long as slow ones."""
+    slow = replace(found, rollout=found.rollout.slowed(options.slowdown))
+    with bench.scripted(SCRIPTED, slow.rollout):
+        for rollouts in numbers(options):
+            made = bench.timed(SCRIPTED, rollouts)
+            expected = predict(slow, SCRIPTED, rollouts, PERIOD_MS)
+            yield check_row(f"{SCRIPTED} scripted, {options.slowdown:g}x slower", made, expected)
+
+
+def numbers(options: Options) -> list[int]:
+    """Return the rollouts of the plans that are compared."""
+    return sorted({max(1, options.rollouts // 2), options.rollouts})
+
+
+def check_row(what: str, made: Made, expected: Prediction) -> dict[str, Any]:
+    """Compare plans with a prediction of them."""
+    p50, p99 = np.percentile(made.plan_ms, (50, 99))
+    return {
+        "what": what,
+        "rollouts": expected.rollouts,
+        "measured_ms": round(float(p50), 2),
+        "predicted_ms": round(expected.p50_ms, 2),
+        "off": round(expected.p50_ms / float(p50) - 1.0, 4),
+        "measured_p99_ms": round(float(p99), 2),
+        "predicted_p99_ms": round(expected.p99_ms, 2),
+    }
+
+
+def predictions(options: Options, found: Parts) -> list[dict[str, Any]]:
+    """Predict plans for each number of workers."""
+    return [predicted(options.rollouts, workers, found) for workers in sorted(set(options.workers))]
+
+
+def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
+    """Predict plans on some workers: of some rollouts, and of as many as fit.
+
+    The efficiency of the first is the speed-up over one worker, per worker; that of the second is
+    against the same workers if their messages cost nothing.
+    """
+    alone, of_it = (predict(found, n, rollouts, PERIOD_MS) for n in (1, workers))
+    fit = most_that_fit(found, workers, PERIOD_MS, CHUNK).rollouts
+    free = most_that_fit(free_messages(found), workers, PERIOD_MS, CHUNK).rollouts
+    return {
+        "workers": workers,
+        "p50_ms": round(of_it.p50_ms, 2),
+        "p99_ms": round(of_it.p99_ms, 2),
+        "in_time": round(of_it.in_time, 2),
+        "efficiency": round(alone.p50_ms / of_it.p50_ms / workers, 4),
+        "fit": fit,
+        "fit_efficiency": round(fit / free, 4),
+    }
+
+
+def changes(options: Options, found: Parts) -> list[dict[str, Any]]:
+    """Say what would move the predictions for a few workers and for the most."""
+    few, most = min(FEW, max(options.workers)), max(options.workers)
+    free = most_that_fit(free_messages(found), most, PERIOD_MS, CHUNK).rollouts
+    rows = []
+    for change, apply in IF.items():
+        then = apply(found)
+        small = predicted(options.rollouts, few, then)
+        fit = most_that_fit(then, most, PERIOD_MS, CHUNK).rollouts
+        kept = {name: small[name] for name in ("p50_ms", "efficiency")}
+        rows.append({"change": change, **kept, "fit": fit, "fit_efficiency": round(fit / free, 4)})
+    return rows
+
+
+def limits(found: Parts, made: Mapping[tuple[int, int], Made]) -> dict[str, Any]:
+    """Say where optimizer and router alone would fill a plan's period."""
+    most = found.requests[-1]
+    added = max(1, most - 1)
+    router_ms = (made[most, most].router_cpu_ms - made[1, 1].router_cpu_ms) / (2 * added)
+    optimizer_ms = (made[most, most].optimizer_cpu_ms - made[1, 1].optimizer_cpu_ms) / added
+    full = [
+        n for n in range(1, most + 1) if found.base_ms + found.overhead(np.array(n)) > PERIOD_MS
+    ]
+    return {
+        "base_ms": round(found.base_ms, 2),
+        "request_ms": round(found.overhead_ms[-1] / added, 4),
+        "optimizer_cpu_ms_per_request": round(optimizer_ms, 4),
+        "router_cpu_ms_per_message": round(router_ms, 4),
+        "requests_that_fill_a_period": full[0] if full else None,
+    }
+
+
+def rollout_rows(found: Parts) -> list[dict[str, Any]]:
+    """Rows of the rollouts' table."""
+    times = found.rollout
+    return [
+        {
+            "rows": size,
+            "median_ms": round(median, 3),
+            "a_row_ms": round(median / size, 3),
+            "p99": round(float(np.percentile(factors, 99)), 3),
+        }
+        for size, median, factors in zip(times.sizes, times.medians_ms, times.factors, strict=True)
+    ]
+
+
+def message_row(workers: int, rollouts: int, made: Made) -> dict[str, Any]:
+    """Row of the messages' table."""
+    return {
+        "workers": workers,
+        "rollouts": rollouts,
+        "plan_ms": round(made.median_ms - DELAY_MS, 3),
+        "own_ms": round(float(np.median(made.own_ms)), 3),
+        "optimizer_cpu_ms": round(made.optimizer_cpu_ms, 3),
+        "router_cpu_ms": round(made.router_cpu_ms, 3),
+    }
+
+
+def text(result: Result) -> Iterable[str]:
+    """Lay out what was measured."""
+    yield (
+        f"Plans of {result['task']} from one instant of walking and pushing, in lockstep; "
+        f"{result['engine']}, {result['plans']} of each kind, services at {result['priority']} "
+        "priority, so that other programs of the machine count little. A worker is one thread."
+    )
+    yield "What rollouts take in this process:"
+    yield table(ROLLOUTS, result["rollout"])
+    yield (
+        f"What messages take, with scripted workers that answer after {DELAY_MS:g} ms, which are "
+        "taken off. Where there are more workers than rollouts, some are not asked."
+    )
+    yield table(MESSAGES, result["messages"])
+    limit = result["limits"]
+    full = limit["requests_that_fill_a_period"]
+    filled = f"{full} requests fill" if full else f"{result['messages'][-1]['workers']} do not fill"
+    yield (
+        f"A plan of one request takes {limit['base_ms']:.1f} ms beside its rollouts, each further "
+        f"request {limit['request_ms']:.3f} ms, each further row {result['row_ms']:.3f}, each "
+        f"worker that is not asked {result['idle_ms']:.3f}; {filled} the period of "
+        f"{PERIOD_MS:.0f} ms. Processor time: {limit['optimizer_cpu_ms_per_request']:.3f} ms of "
+        f"the optimizer a request, {limit['router_cpu_ms_per_message']:.3f} of the router "
+        "a message."
+    )
+    yield f"Predictions, which should be within {CLOSE:.0%}, against plans made on this machine:"
+    yield table(CHECKS, result["checks"])
+    goals = ", ".join(f"{goal:.0%} with {workers}" for workers, goal in GOALS.items())
+    yield (
+        f"Predicted, with each worker on a core of its own host: plans of {result['rollouts']} "
+        f"rollouts, how many of these are there within {PERIOD_MS:.0f} ms, and the speed-up over "
+        f"one worker, per worker; then the most rollouts of which {IN_TIME:.0%} are there within "
+        "that time, against as many workers whose messages cost nothing beyond the first "
+        f"request's. Wanted is an efficiency of {goals}."
+    )
+    yield table(PREDICTED, result["predicted"])
+    few, most = min(FEW, result["predicted"][-1]["workers"]), result["predicted"][-1]["workers"]
+    yield f"What would move it, for {result['rollouts']} rollouts and for as many as fit:"
+    heads = {head.format(few=few, most=most): form for head, form in CHANGES.items()}
+    yield table(heads, result["changes"])
