@@ -17,12 +17,10 @@ Nothing is fitted: base and overhead are times of plans on the real bus, with sc
 answer after a fixed time; between the numbers of requests that were measured it is interpolated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-
-from sumo_dist.dispatch.sharding import split
 
 IN_TIME = 0.99  # share of the rollouts that must be in time if they are to fit
 DRAWS = 400  # of a plan
@@ -43,7 +41,7 @@ class RolloutTimes:
     factors: Sequence[Sequence[float]]
 
     @classmethod
-    def of(cls, samples_ms: dict[int, Sequence[float]]) -> "RolloutTimes":
+    def of(cls, samples_ms: Mapping[int, Sequence[float]]) -> "RolloutTimes":
         """Summarise times by size."""
         sizes = sorted(samples_ms)
         medians = [float(np.median(samples_ms[size])) for size in sizes]
@@ -129,11 +127,11 @@ def requests(workers: int, rollouts: int, chunk: int | None) -> tuple[np.ndarray
         rollouts: of the plan.
         chunk: most rows of a request; None for no limit, as without a deadline.
     """
-    speeds = {str(worker): 1.0 for worker in range(workers)}
+    ends = np.round(np.linspace(0, rollouts, workers + 1)).astype(int)
     pieces = [
-        (int(worker), min(chunk or rows, rows - offset))
-        for worker, _, rows in split(0, rollouts, speeds)
-        for offset in range(0, rows, chunk or rows)
+        (worker, min(chunk or count, count - offset))
+        for worker, count in enumerate(np.diff(ends).tolist())
+        for offset in range(0, count, chunk or max(1, count))
     ]
     whom, rows = np.array(pieces).T
     return whom, rows

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench, table
+from sumo_dist.bench.measure.pool_bench import Bench, Made
 from sumo_dist.bench.measure.pool_model import (
     IN_TIME,
     Parts,
@@ -22,15 +23,7 @@ from sumo_dist.bench.measure.pool_model import (
     predict,
     requests,
 )
-from sumo_dist.bench.measure.pool_parts import (
-    DELAY_MS,
-    FEW,
-    Bench,
-    Made,
-    RolloutTimer,
-    overheads,
-    parts,
-)
+from sumo_dist.bench.measure.pool_parts import DELAY_MS, FEW, RolloutTimer, overheads, parts
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.evaluator import CHUNK
 from sumo_dist.episode.assemble import Episode
@@ -45,6 +38,7 @@ PERIOD_MS = PLAN_PERIOD * 1e3
 GOALS = {8: 0.85, 256: 0.70}  # workers -> efficiency that is wanted
 CLOSE = 0.15  # by so much of the measured time a prediction may be off
 SCRIPTED = 6  # workers that answer like slow ones
+MANY = 4  # times the rollouts of other plans, where more are asked for than are in time
 IF = {  # what is changed -> the parts then
     "as it is": lambda parts: parts,
     "rollouts all take the same time": lambda p: replace(p, rollout=p.rollout.without_spread()),
@@ -75,6 +69,13 @@ CHECKS = {
     "off by": "{off:+.1%}",
     "measured p99": "{measured_p99_ms:.1f}",
     "predicted p99": "{predicted_p99_ms:.1f}",
+}
+IN_TIME_CHECKS = {
+    "workers": "{what}",
+    "rollouts": "{rollouts}",
+    "in time, measured": "{measured:.1f}",
+    "predicted": "{predicted:.1f}",
+    "off by": "{off:+.1%}",
 }
 PREDICTED = {
     "workers": "{workers}",
@@ -149,6 +150,7 @@ def measure(options: Options) -> Result:
             made = overheads(bench, options.workers)
             found = parts(rollout, made)
             checks = [*by_real(options, bench, found, timer), *by_scripted(options, bench, found)]
+            in_time = in_time_checks(options, bench, found)
     about = {"engine": name, "task": snapshot.task, "plans": options.plans, "priority": priority}
     return {
         **about,
@@ -159,6 +161,7 @@ def measure(options: Options) -> Result:
         "idle_ms": round(found.idle_ms, 4),
         "limits": limits(found, made),
         "checks": checks,
+        "in_time_checks": in_time,
         "predicted": predictions(options, found),
         "changes": changes(options, found),
     }
@@ -191,6 +194,24 @@ def by_scripted(options: Options, bench: Bench, found: Parts) -> Iterator[dict[s
             made = bench.timed(SCRIPTED, rollouts)
             expected = predict(slow, SCRIPTED, rollouts, PERIOD_MS)
             yield check_row(f"{SCRIPTED} scripted, {options.slowdown:g}x slower", made, expected)
+
+
+def in_time_checks(options: Options, bench: Bench, found: Parts) -> list[dict[str, Any]]:
+    """Compare how many rollouts are in time in realtime, when more are asked for than can be."""
+    rollouts = MANY * options.rollouts
+    with bench.scripted(SCRIPTED, found.rollout):
+        bench.timed(SCRIPTED, options.rollouts)
+        measured = bench.in_time(SCRIPTED, rollouts)
+    predicted = predict(found, SCRIPTED, rollouts, PERIOD_MS, CHUNK).in_time
+    return [
+        {
+            "what": f"{SCRIPTED} scripted",
+            "rollouts": rollouts,
+            "measured": round(measured, 2),
+            "predicted": round(predicted, 2),
+            "off": round(predicted / max(measured, 1e-3) - 1.0, 4),
+        }
+    ]
 
 
 def numbers(options: Options) -> list[int]:
@@ -322,6 +343,8 @@ def text(result: Result) -> Iterable[str]:
     )
     yield f"Predictions, which should be within {CLOSE:.0%}, against plans made on this machine:"
     yield table(CHECKS, result["checks"])
+    yield "How many rollouts are in time in realtime, at the speed of the wall clock:"
+    yield table(IN_TIME_CHECKS, result["in_time_checks"])
     goals = ", ".join(f"{goal:.0%} with {workers}" for workers, goal in GOALS.items())
     yield (
         f"Predicted, with each worker on a core of its own host: plans of {result['rollouts']} "

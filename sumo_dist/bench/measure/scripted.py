@@ -21,6 +21,7 @@ import numpy as np
 from sumo_dist.bench.measure.pool_model import RolloutTimes
 from sumo_dist.errors import SumoError
 from sumo_dist.priority import go_first
+from sumo_dist.services.inbox import Inbox
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import POOL, WORKER
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
@@ -80,15 +81,17 @@ class Process:
 
 
 class Stage:
-    """The workers of a process: each takes one request after the other."""
+    """The workers of a process: each takes one request after the other, as a real one would."""
 
     def __init__(self, script: Script, bus: Bus) -> None:
         """Join the bus."""
         self._script, self._bus = script, bus
         self._rng = np.random.default_rng(script.seed)
         self._changed = threading.Condition()
-        self._free = dict.fromkeys(script.names, 0.0)  # time.monotonic() at which each is
-        self._due: list[tuple[float, int, RolloutReply]] = []
+        self._inboxes = {name: Inbox() for name in script.names}
+        self._busy: set[str] = set()
+        # when each busy worker is done [time.monotonic()], a number that orders them, and what with
+        self._ends: list[tuple[float, int, RolloutReply]] = []
         self._count = 0
         for name in script.names:
             bus.subscribe(RolloutRequest, partial(self._asked, name), address=name)
@@ -96,14 +99,24 @@ class Stage:
             bus.announce(WORKER, name, script.build)
 
     def _asked(self, name: str, request: RolloutRequest) -> None:
-        rows = len(request.knots)
+        self._inboxes[name].put(request)
         with self._changed:
-            takes = float(self._script.times.draw(np.array([rows]), 1, self._rng)[0, 0])
-            end = max(time.monotonic(), self._free[name]) + takes * 1e-3
-            self._free[name] = end
-            self._count += 1
-            heapq.heappush(self._due, (end, self._count, self._reply(name, request, takes)))
-            self._changed.notify()
+            if name not in self._busy:
+                self._begin(name)
+
+    def _begin(self, name: str) -> None:
+        """Begin with a worker's next request, if there is one; the caller has the lock."""
+        request = self._inboxes[name].get(timeout=0.0)
+        if request is None:
+            self._busy.discard(name)
+            return
+        self._busy.add(name)
+        rows = np.array([len(request.knots)])
+        takes = float(self._script.times.draw(rows, 1, self._rng)[0, 0])
+        self._count += 1
+        end = time.monotonic() + takes * 1e-3
+        heapq.heappush(self._ends, (end, self._count, self._reply(name, request, takes)))
+        self._changed.notify()
 
     def _reply(self, name: str, request: RolloutRequest, takes: float) -> RolloutReply:
         rows = len(request.knots)
@@ -123,13 +136,14 @@ class Stage:
         )
 
     def play(self) -> None:
-        """Answer what is due until the bus is closed."""
+        """Answer when it is time to, until the bus is closed."""
         while True:
             with self._changed:
-                while not self._due or self._due[0][0] > time.monotonic():
-                    wait = self._due[0][0] - time.monotonic() if self._due else None
+                while not self._ends or self._ends[0][0] > time.monotonic():
+                    wait = self._ends[0][0] - time.monotonic() if self._ends else None
                     self._changed.wait(wait)
-                reply = heapq.heappop(self._due)[2]
+                reply = heapq.heappop(self._ends)[2]
+                self._begin(reply.worker)
             try:
                 self._bus.publish(reply)
             except SumoError:

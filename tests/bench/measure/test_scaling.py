@@ -3,15 +3,16 @@ import json
 import pytest
 
 from sumo_dist.bench.measure import scaling
+from sumo_dist.bench.measure.pool_bench import Made
 from sumo_dist.bench.measure.pool_model import Parts, RolloutTimes
-from sumo_dist.bench.measure.pool_parts import DELAY_MS, Made, parts
+from sumo_dist.bench.measure.pool_parts import DELAY_MS, parts
 from sumo_dist.cli import main
 
 EXACT = RolloutTimes([1, 8], [2.0, 16.0], [[1.0], [1.0]])  # 2 ms a row, always
 
 
 def made(plan_ms, cpu_ms=0.0):
-    return Made((plan_ms,) * 3, (1.0,), cpu_ms, cpu_ms)
+    return Made((plan_ms,) * 3, (1.0,) * 3, cpu_ms, cpu_ms)
 
 
 def test_parts_are_differences_of_plans():
@@ -59,6 +60,7 @@ def test_predictions_come_with_plans_to_compare(capsys):
     checked = [(row["what"].split(",")[0], row["rollouts"]) for row in result["checks"]]
     assert checked == [("1 real", 2), ("1 real", 4), ("6 scripted", 2), ("6 scripted", 4)]
     assert all(row["measured_ms"] > 0 and row["predicted_ms"] > 0 for row in result["checks"])
+    assert 0 <= result["in_time_checks"][0]["measured"] <= 16
     shown = "\n\n".join(scaling.text(result))
     assert "| rollouts that fit |" in shown
     assert "3 workers: p50 [ms]" in shown
