@@ -3,11 +3,11 @@
 import shutil
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,7 @@ from sumo_dist.wire.messages import EpisodeInfo, PlanMessage
 ANSWER_S = 60.0
 PROCESSES = 2  # that play the scripted workers
 WARM_UP = 3  # plans of each kind that are not counted
+NEWEST = 100  # plans that are kept until they are looked at
 WORKERS_RANK = 5  # of SCHED_RR: before other programs, behind what the plan waits for
 
 
@@ -39,7 +40,8 @@ class Made(NamedTuple):
     """Plans of a kind [ms]."""
 
     plan_ms: tuple[float, ...]  # as the robot sees them, each
-    own_ms: tuple[float, ...]  # the optimizer's own time of each
+    inside_ms: tuple[float, ...]  # as the optimizer sees them
+    own_ms: tuple[float, ...]  # the optimizer's own time
     router_cpu_ms: float  # processor time of the router, mean
     optimizer_cpu_ms: float  # of the optimizer's whole process, mean
 
@@ -54,6 +56,7 @@ class Made(NamedTuple):
             return self
         return Made(
             self.plan_ms + other.plan_ms,
+            self.inside_ms + other.inside_ms,
             self.own_ms + other.own_ms,
             (self.router_cpu_ms + other.router_cpu_ms) / 2,
             (self.optimizer_cpu_ms + other.optimizer_cpu_ms) / 2,
@@ -76,7 +79,7 @@ class Bench:
     plans: int
     engine: str
     _link: RobotLink
-    _made: SimpleQueue[PlanMessage]  # all plans
+    _made: deque[PlanMessage]  # the newest plans
     _pids: dict[str, int]
     _number: int = 0
 
@@ -104,7 +107,8 @@ class Bench:
                     episode,
                     EpisodeInfo("bench", episode.config.to_json(), episode.problem.hash, 1),
                 )
-                made = bus.inbox(PlanMessage)
+                made = deque[PlanMessage](maxlen=NEWEST)
+                bus.subscribe(PlanMessage, made.append)
                 yield cls(episode, snapshot, endpoint, plans, engine, link, made, pids)
 
     def plan(self, rollouts: int) -> PlanReport:
@@ -125,15 +129,15 @@ class Bench:
         for _ in range(WARM_UP):
             self.plan(rollouts)
         before = {name: cpu_ms(pid) for name, pid in self._pids.items()}
-        took, own = [], []
+        took, reports = [], list[PlanReport]()
         for _ in range(self.plans):
             between()
             began = time.perf_counter()
-            report = self.plan(rollouts)
+            reports.append(self.plan(rollouts))
             took.append((time.perf_counter() - began) * 1e3)
-            own.append(report.own_ms)
         cpu = {name: (cpu_ms(pid) - before[name]) / self.plans for name, pid in self._pids.items()}
-        return Made(tuple(took), tuple(own), cpu["router"], cpu["optimizer"])
+        inside, own = zip(*((r.plan_ms, r.own_ms) for r in reports), strict=True)
+        return Made(tuple(took), inside, own, cpu["router"], cpu["optimizer"])
 
     def in_time(self, workers: int, rollouts: int) -> float:
         """Ask for plans as a robot does in realtime; return the mean of rollouts that are in time.
@@ -153,12 +157,11 @@ class Bench:
             self._link.send_question(asked, settings, 1.0)
             tick, due = tick + 1, due + TICK
             time.sleep(max(0.0, due - time.monotonic()))
-            with suppress(Empty):
-                while True:
-                    message = self._made.get_nowait()
-                    if message.plan.number >= self._number and len(message.costs) == rollouts:
-                        in_time.append(rollouts - message.lost)
-                        plan, self._number = message.plan, message.plan.number
+            while self._made:
+                message = self._made.popleft()
+                if message.plan.number >= self._number and len(message.costs) == rollouts:
+                    in_time.append(rollouts - message.lost)
+                    plan, self._number = message.plan, message.plan.number
         return float(np.mean(in_time[WARM_UP:]))
 
     @contextmanager

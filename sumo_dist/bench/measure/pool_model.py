@@ -14,7 +14,8 @@ out as `dispatch` does: a run of rows a worker, in realtime in requests of a few
                 measured ones. That factor is why the maximum grows with the number of workers.
 
 Nothing is fitted: base and overhead are times of plans on the real bus, with scripted workers that
-answer after a fixed time; between the numbers of requests that were measured it is interpolated.
+answer after a fixed time. Between the numbers of requests that were measured, and beyond them, the
+model goes in straight lines.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sumo_dist.services.optimizer import SEND_MARGIN
+from sumo_dist.timing import PLAN_PERIOD
+
+PERIOD_MS = PLAN_PERIOD * 1e3
 IN_TIME = 0.99  # share of the rollouts that must be in time if they are to fit
 DRAWS = 400  # of a plan
 
@@ -65,11 +70,8 @@ class RolloutTimes:
         return replace(self, factors=[[1.0] for _ in self.sizes])
 
     def median(self, rows: np.ndarray) -> np.ndarray:
-        """Median times of requests of so many rows (n,) [ms]; beyond the sizes, on their line."""
-        times = np.interp(rows, self.sizes, self.medians_ms)
-        (small, large), (less, more) = self.sizes[-2:], self.medians_ms[-2:]
-        beyond = np.maximum(0, np.asarray(rows) - large)
-        return times + beyond * (more - less) / (large - small)
+        """Median times of requests of so many rows (n,) [ms]."""
+        return _on_line(rows, self.sizes, self.medians_ms)
 
     def draw(self, rows: np.ndarray, draws: int, rng: np.random.Generator) -> np.ndarray:
         """Draw times (draws, n) of requests of so many rows (n,) [ms]."""
@@ -85,6 +87,8 @@ class Parts:
     Attributes:
         rollout: of a worker.
         base_ms: of a plan with one request that is answered at once.
+        inside_ms: the part of it within the optimizer and beyond, without the way from the robot
+            and back.
         requests, overhead_ms: numbers of a plan's requests, ascending from 1, and by how much
             longer than with the first of them a plan takes with each.
         row_ms: more for each row of a request but its first, by messages alone.
@@ -93,6 +97,7 @@ class Parts:
 
     rollout: RolloutTimes
     base_ms: float
+    inside_ms: float
     requests: Sequence[int]
     overhead_ms: Sequence[float]
     row_ms: float
@@ -100,7 +105,7 @@ class Parts:
 
     def overhead(self, requests: np.ndarray) -> np.ndarray:
         """By how much longer a plan takes for the others of so many requests (n,) [ms]."""
-        return np.interp(requests, self.requests, self.overhead_ms)
+        return _on_line(requests, self.requests, self.overhead_ms)
 
 
 @dataclass(frozen=True)
@@ -109,8 +114,8 @@ class Prediction:
 
     Attributes:
         rollouts: of the plan.
-        p50_ms, p99_ms: until the robot has it.
-        in_time: mean number of rollouts that would be in a plan that takes a period at most.
+        p50_ms, p99_ms: until it is there.
+        in_time: mean number of rollouts that would be there in the time that was given.
     """
 
     rollouts: int
@@ -138,7 +143,7 @@ def requests(workers: int, rollouts: int, chunk: int | None) -> tuple[np.ndarray
 
 
 def predict(
-    parts: Parts, workers: int, rollouts: int, period_ms: float, chunk: int | None = None
+    parts: Parts, workers: int, rollouts: int, given_ms: float, chunk: int | None = None
 ) -> Prediction:
     """Predict plans of so many rollouts on so many workers; see the module's docstring."""
     rng = np.random.default_rng(0)
@@ -151,7 +156,7 @@ def predict(
         ends[:, i] = free[:, worker] = np.maximum(left[i], free[:, worker]) + takes[:, i]
     ends += parts.base_ms + idle
     p50, p99 = np.percentile(ends.max(axis=1), (50, 99))
-    in_time = float(((ends <= period_ms) * rows).sum(axis=1).mean())
+    in_time = float(((ends <= given_ms) * rows).sum(axis=1).mean())
     return Prediction(rollouts, float(p50), float(p99), in_time)
 
 
@@ -160,15 +165,33 @@ def free_messages(parts: Parts) -> Parts:
     return replace(parts, overhead_ms=[0.0] * len(parts.requests), row_ms=0.0, idle_ms=0.0)
 
 
-def most_that_fit(parts: Parts, workers: int, period_ms: float, chunk: int) -> Prediction:
-    """Return the plan with the most rollouts of which IN_TIME are in time, at least one."""
-    per_worker = period_ms / float(parts.rollout.median(np.array([chunk]))[0] / chunk)
+def predict_realtime(parts: Parts, workers: int, rollouts: int, chunk: int) -> Prediction:
+    """Predict plans with a deadline: as the optimizer sees them, which then sends what it has."""
+    within = replace(parts, base_ms=parts.inside_ms)
+    return predict(within, workers, rollouts, PERIOD_MS - SEND_MARGIN * 1e3, chunk)
+
+
+def most_that_fit(parts: Parts, workers: int, chunk: int) -> int:
+    """Return the most rollouts of a plan with a deadline of which IN_TIME are in time.
+
+    It is one at least.
+    """
+    per_worker = PERIOD_MS / float(parts.rollout.median(np.array([chunk]))[0] / chunk)
     least, most = 1, int(2 * workers * max(1.0, per_worker)) + 1
     while most - least > 1:
         middle = (least + most) // 2
-        found = predict(parts, workers, middle, period_ms, chunk)
+        found = predict_realtime(parts, workers, middle, chunk)
         if found.in_time >= IN_TIME * middle:
             least = middle
         else:
             most = middle
-    return predict(parts, workers, least, period_ms, chunk)
+    return least
+
+
+def _on_line(at: np.ndarray, points: Sequence[int], values: Sequence[float]) -> np.ndarray:
+    """Interpolate between points, and beyond the last go on as between the last two."""
+    if len(points) == 1:
+        return np.full(len(at), values[0])
+    (before, last), (less, more) = points[-2:], values[-2:]
+    beyond = np.maximum(0, at - last) * (more - less) / (last - before)
+    return np.interp(at, points, values) + beyond

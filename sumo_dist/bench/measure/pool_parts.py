@@ -52,6 +52,7 @@ def parts(rollout: RolloutTimes, found: Mapping[tuple[int, int], Made]) -> Parts
     return Parts(
         rollout,
         base_ms=took[1, 1],
+        inside_ms=float(np.median(found[1, 1].inside_ms)) - DELAY_MS,
         requests=counts,
         overhead_ms=grows.tolist(),
         row_ms=max(0.0, more_rows) / (few * (MANY_ROWS - 1)),

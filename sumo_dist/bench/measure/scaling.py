@@ -5,25 +5,27 @@ the prediction is compared with plans that are made here: by real workers, as ma
 cores, and by scripted ones that take as long for a request as a slow worker would.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench, table
+from sumo_dist.bench.layout import Result, check_at_least, checked_engine, run_bench
 from sumo_dist.bench.measure.pool_bench import Bench, Made
 from sumo_dist.bench.measure.pool_model import (
-    IN_TIME,
+    PERIOD_MS,
     Parts,
     Prediction,
     RolloutTimes,
     free_messages,
     most_that_fit,
     predict,
+    predict_realtime,
     requests,
 )
 from sumo_dist.bench.measure.pool_parts import DELAY_MS, FEW, RolloutTimer, overheads, parts
+from sumo_dist.bench.measure.scaling_tables import text
 from sumo_dist.bench.measure.snapshot import Snapshot
 from sumo_dist.dispatch.evaluator import CHUNK
 from sumo_dist.episode.assemble import Episode
@@ -32,11 +34,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.priority import goes_first
 from sumo_dist.provenance import cores
 from sumo_dist.terminal import say
-from sumo_dist.timing import PLAN_PERIOD
 
-PERIOD_MS = PLAN_PERIOD * 1e3
-GOALS = {8: 0.85, 256: 0.70}  # workers -> efficiency that is wanted
-CLOSE = 0.15  # by so much of the measured time a prediction may be off
 SCRIPTED = 6  # workers that answer like slow ones
 MANY = 4  # times the rollouts of other plans, where more are asked for than are in time
 IF = {  # what is changed -> the parts then
@@ -45,53 +43,6 @@ IF = {  # what is changed -> the parts then
     "each request costs half": lambda p: replace(p, overhead_ms=[ms / 2 for ms in p.overhead_ms]),
     "messages cost nothing beyond the first": free_messages,
     "a plan's base is half": lambda p: replace(p, base_ms=p.base_ms / 2),
-}
-
-ROLLOUTS = {
-    "rows of a request": "{rows}",
-    "median [ms]": "{median_ms:.1f}",
-    "a row": "{a_row_ms:.2f}",
-    "p99 over median": "{p99:.2f}",
-}
-MESSAGES = {
-    "workers": "{workers}",
-    "rollouts": "{rollouts}",
-    "plan without rollouts [ms]": "{plan_ms:.1f}",
-    "optimizer's own [ms]": "{own_ms:.1f}",
-    "its processor time": "{optimizer_cpu_ms:.1f}",
-    "router's": "{router_cpu_ms:.1f}",
-}
-CHECKS = {
-    "workers": "{what}",
-    "rollouts": "{rollouts}",
-    "measured p50 [ms]": "{measured_ms:.1f}",
-    "predicted": "{predicted_ms:.1f}",
-    "off by": "{off:+.1%}",
-    "measured p99": "{measured_p99_ms:.1f}",
-    "predicted p99": "{predicted_p99_ms:.1f}",
-}
-IN_TIME_CHECKS = {
-    "workers": "{what}",
-    "rollouts": "{rollouts}",
-    "in time, measured": "{measured:.1f}",
-    "predicted": "{predicted:.1f}",
-    "off by": "{off:+.1%}",
-}
-PREDICTED = {
-    "workers": "{workers}",
-    "plan p50 [ms]": "{p50_ms:.1f}",
-    "p99": "{p99_ms:.1f}",
-    "in time": "{in_time:.1f}",
-    "efficiency": "{efficiency:.0%}",
-    "rollouts that fit": "{fit}",
-    "their efficiency": "{fit_efficiency:.0%}",
-}
-CHANGES = {
-    "if": "{change}",
-    "{few} workers: p50 [ms]": "{p50_ms:.1f}",
-    "efficiency": "{efficiency:.0%}",
-    "{most} workers: rollouts that fit": "{fit}",
-    "their efficiency": "{fit_efficiency:.0%}",
 }
 
 
@@ -202,7 +153,7 @@ def in_time_checks(options: Options, bench: Bench, found: Parts) -> list[dict[st
     with bench.scripted(SCRIPTED, found.rollout):
         bench.timed(SCRIPTED, options.rollouts)
         measured = bench.in_time(SCRIPTED, rollouts)
-    predicted = predict(found, SCRIPTED, rollouts, PERIOD_MS, CHUNK).in_time
+    predicted = predict_realtime(found, SCRIPTED, rollouts, CHUNK).in_time
     return [
         {
             "what": f"{SCRIPTED} scripted",
@@ -245,8 +196,8 @@ def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
     against the same workers if their messages cost nothing.
     """
     alone, of_it = (predict(found, n, rollouts, PERIOD_MS) for n in (1, workers))
-    fit = most_that_fit(found, workers, PERIOD_MS, CHUNK).rollouts
-    free = most_that_fit(free_messages(found), workers, PERIOD_MS, CHUNK).rollouts
+    fit = most_that_fit(found, workers, CHUNK)
+    free = most_that_fit(free_messages(found), workers, CHUNK)
     return {
         "workers": workers,
         "p50_ms": round(of_it.p50_ms, 2),
@@ -261,12 +212,12 @@ def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
 def changes(options: Options, found: Parts) -> list[dict[str, Any]]:
     """Say what would move the predictions for a few workers and for the most."""
     few, most = min(FEW, max(options.workers)), max(options.workers)
-    free = most_that_fit(free_messages(found), most, PERIOD_MS, CHUNK).rollouts
+    free = most_that_fit(free_messages(found), most, CHUNK)
     rows = []
     for change, apply in IF.items():
         then = apply(found)
         small = predicted(options.rollouts, few, then)
-        fit = most_that_fit(then, most, PERIOD_MS, CHUNK).rollouts
+        fit = most_that_fit(then, most, CHUNK)
         kept = {name: small[name] for name in ("p50_ms", "efficiency")}
         rows.append({"change": change, **kept, "fit": fit, "fit_efficiency": round(fit / free, 4)})
     return rows
@@ -278,15 +229,17 @@ def limits(found: Parts, made: Mapping[tuple[int, int], Made]) -> dict[str, Any]
     added = max(1, most - 1)
     router_ms = (made[most, most].router_cpu_ms - made[1, 1].router_cpu_ms) / (2 * added)
     optimizer_ms = (made[most, most].optimizer_cpu_ms - made[1, 1].optimizer_cpu_ms) / added
-    full = [
-        n for n in range(1, most + 1) if found.base_ms + found.overhead(np.array(n)) > PERIOD_MS
-    ]
+    takes = found.base_ms + found.overhead(np.arange(most) + 1)
+    full = (np.flatnonzero(takes > PERIOD_MS) + 1).tolist()
     return {
         "base_ms": round(found.base_ms, 2),
         "request_ms": round(found.overhead_ms[-1] / added, 4),
         "optimizer_cpu_ms_per_request": round(optimizer_ms, 4),
         "router_cpu_ms_per_message": round(router_ms, 4),
         "requests_that_fill_a_period": full[0] if full else None,
+        "requests_that_fill_the_router": round(PERIOD_MS / (2 * router_ms))
+        if router_ms > 0
+        else None,
     }
 
 
@@ -314,47 +267,3 @@ def message_row(workers: int, rollouts: int, made: Made) -> dict[str, Any]:
         "optimizer_cpu_ms": round(made.optimizer_cpu_ms, 3),
         "router_cpu_ms": round(made.router_cpu_ms, 3),
     }
-
-
-def text(result: Result) -> Iterable[str]:
-    """Lay out what was measured."""
-    yield (
-        f"Plans of {result['task']} from one instant of walking and pushing, in lockstep; "
-        f"{result['engine']}, {result['plans']} of each kind, services at {result['priority']} "
-        "priority, so that other programs of the machine count little. A worker is one thread."
-    )
-    yield "What rollouts take in this process:"
-    yield table(ROLLOUTS, result["rollout"])
-    yield (
-        f"What messages take, with scripted workers that answer after {DELAY_MS:g} ms, which are "
-        "taken off. Where there are more workers than rollouts, some are not asked."
-    )
-    yield table(MESSAGES, result["messages"])
-    limit = result["limits"]
-    full = limit["requests_that_fill_a_period"]
-    filled = f"{full} requests fill" if full else f"{result['messages'][-1]['workers']} do not fill"
-    yield (
-        f"A plan of one request takes {limit['base_ms']:.1f} ms beside its rollouts, each further "
-        f"request {limit['request_ms']:.3f} ms, each further row {result['row_ms']:.3f}, each "
-        f"worker that is not asked {result['idle_ms']:.3f}; {filled} the period of "
-        f"{PERIOD_MS:.0f} ms. Processor time: {limit['optimizer_cpu_ms_per_request']:.3f} ms of "
-        f"the optimizer a request, {limit['router_cpu_ms_per_message']:.3f} of the router "
-        "a message."
-    )
-    yield f"Predictions, which should be within {CLOSE:.0%}, against plans made on this machine:"
-    yield table(CHECKS, result["checks"])
-    yield "How many rollouts are in time in realtime, at the speed of the wall clock:"
-    yield table(IN_TIME_CHECKS, result["in_time_checks"])
-    goals = ", ".join(f"{goal:.0%} with {workers}" for workers, goal in GOALS.items())
-    yield (
-        f"Predicted, with each worker on a core of its own host: plans of {result['rollouts']} "
-        f"rollouts, how many of these are there within {PERIOD_MS:.0f} ms, and the speed-up over "
-        f"one worker, per worker; then the most rollouts of which {IN_TIME:.0%} are there within "
-        "that time, against as many workers whose messages cost nothing beyond the first "
-        f"request's. Wanted is an efficiency of {goals}."
-    )
-    yield table(PREDICTED, result["predicted"])
-    few, most = min(FEW, result["predicted"][-1]["workers"]), result["predicted"][-1]["workers"]
-    yield f"What would move it, for {result['rollouts']} rollouts and for as many as fit:"
-    heads = {head.format(few=few, most=most): form for head, form in CHANGES.items()}
-    yield table(heads, result["changes"])

@@ -12,7 +12,7 @@ EXACT = RolloutTimes([1, 8], [2.0, 16.0], [[1.0], [1.0]])  # 2 ms a row, always
 
 
 def made(plan_ms, cpu_ms=0.0):
-    return Made((plan_ms,) * 3, (1.0,) * 3, cpu_ms, cpu_ms)
+    return Made((plan_ms,) * 3, (plan_ms - 4.0,) * 3, (1.0,) * 3, cpu_ms, cpu_ms)
 
 
 def test_parts_are_differences_of_plans():
@@ -26,22 +26,23 @@ def test_parts_are_differences_of_plans():
             (16, 16): made(DELAY_MS + 12.5),
         },
     )
-    assert found.base_ms == pytest.approx(5.0)
+    assert (found.base_ms, found.inside_ms) == pytest.approx((5.0, 1.0))
     assert found.requests == [1, 8, 16]
     assert found.overhead_ms == pytest.approx([0.0, 3.5, 7.5])
     assert (found.row_ms, found.idle_ms) == pytest.approx((0.1, 0.25))
 
 
 def test_limits_say_where_messages_alone_fill_the_period():
-    found = Parts(EXACT, 5.0, [1, 101], [0.0, 100.0], row_ms=0.0, idle_ms=0.0)
+    found = Parts(EXACT, 5.0, 1.0, [1, 101], [0.0, 100.0], row_ms=0.0, idle_ms=0.0)
     limits = scaling.limits(found, {(1, 1): made(65.0, 1.0), (101, 101): made(165.0, 11.0)})
     assert limits["requests_that_fill_a_period"] == 47  # 5 + 46 ms
+    assert limits["requests_that_fill_the_router"] == 500
     assert limits["router_cpu_ms_per_message"] == pytest.approx(0.05)
     assert limits["optimizer_cpu_ms_per_request"] == pytest.approx(0.1)
 
 
 def test_efficiency_is_speed_up_per_worker():
-    found = Parts(EXACT, 5.0, [1, 101], [0.0, 50.0], row_ms=0.0, idle_ms=0.0)
+    found = Parts(EXACT, 5.0, 1.0, [1, 101], [0.0, 50.0], row_ms=0.0, idle_ms=0.0)
     row = scaling.predicted(32, 2, found)
     assert row["efficiency"] == pytest.approx((5 + 64) / (5 + 0.5 + 32) / 2, abs=1e-3)
     assert row["in_time"] == 32.0
