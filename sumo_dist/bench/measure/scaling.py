@@ -27,7 +27,6 @@ from sumo_dist.bench.measure.pool_model import (
 from sumo_dist.bench.measure.pool_parts import DELAY_MS, FEW, RolloutTimer, overheads, parts
 from sumo_dist.bench.measure.scaling_tables import text
 from sumo_dist.bench.measure.snapshot import Snapshot
-from sumo_dist.dispatch.evaluator import CHUNK
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import UsageError
@@ -36,6 +35,7 @@ from sumo_dist.provenance import cores
 from sumo_dist.terminal import say
 
 SCRIPTED = 6  # workers that answer like slow ones
+REQUESTS = 4  # into which the optimizer cuts what a worker can do in a period
 MANY = 4  # times the rollouts of other plans, where more are asked for than are in time
 IF = {  # what is changed -> the parts then
     "as it is": lambda parts: parts,
@@ -153,7 +153,7 @@ def in_time_checks(options: Options, bench: Bench, found: Parts) -> list[dict[st
     with bench.scripted(SCRIPTED, found.rollout):
         bench.timed(SCRIPTED, options.rollouts)
         measured = bench.in_time(SCRIPTED, rollouts)
-    predicted = predict_realtime(found, SCRIPTED, rollouts, CHUNK).in_time
+    predicted = predict_realtime(found, SCRIPTED, rollouts, rows_a_request(found)).in_time
     return [
         {
             "what": f"{SCRIPTED} scripted",
@@ -196,8 +196,8 @@ def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
     against the same workers if their messages cost nothing.
     """
     alone, of_it = (predict(found, n, rollouts, PERIOD_MS) for n in (1, workers))
-    fit = most_that_fit(found, workers, CHUNK)
-    free = most_that_fit(free_messages(found), workers, CHUNK)
+    fit = most_that_fit(found, workers, rows_a_request(found))
+    free = most_that_fit(free_messages(found), workers, rows_a_request(found))
     return {
         "workers": workers,
         "p50_ms": round(of_it.p50_ms, 2),
@@ -209,15 +209,21 @@ def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
     }
 
 
+def rows_a_request(found: Parts) -> int:
+    """Return the rows of a request with a deadline: a worker gets some, one after the other."""
+    a_row_ms = found.rollout.medians_ms[-1] / found.rollout.sizes[-1]
+    return max(1, int(PERIOD_MS / a_row_ms / REQUESTS))
+
+
 def changes(options: Options, found: Parts) -> list[dict[str, Any]]:
     """Say what would move the predictions for a few workers and for the most."""
     few, most = min(FEW, max(options.workers)), max(options.workers)
-    free = most_that_fit(free_messages(found), most, CHUNK)
+    free = most_that_fit(free_messages(found), most, rows_a_request(found))
     rows = []
     for change, apply in IF.items():
         then = apply(found)
         small = predicted(options.rollouts, few, then)
-        fit = most_that_fit(then, most, CHUNK)
+        fit = most_that_fit(then, most, rows_a_request(then))
         kept = {name: small[name] for name in ("p50_ms", "efficiency")}
         rows.append({"change": change, **kept, "fit": fit, "fit_efficiency": round(fit / free, 4)})
     return rows
