@@ -7,15 +7,17 @@ out as `dispatch` does: a run of rows a worker, in realtime in requests of a few
 
     base        of a plan with one request that is answered at once: the question's way, noise,
                 update, one message to a worker and back, and the plan's way to the robot
-    overhead(i) optimizer and router take one message after the other: by so much later than the
-                first one, the i-th request has left or its reply is entered
+    overhead(i) the optimizer takes one message after the other: by so much later than the first
+                one, the i-th request has left or its reply is entered
     queue(i)    what a worker's earlier requests of the plan still take
     rollout(b)  of b rows in one request: the measured median times a factor that is drawn from the
                 measured ones. That factor is why the maximum grows with the number of workers.
 
-Nothing is fitted: base and overhead are times of plans on the real bus, with scripted workers that
-answer after a fixed time. Between the numbers of requests that were measured, and beyond them, the
-model goes in straight lines.
+Nothing is fitted: both come from plans on the real bus, with scripted workers that answer after a
+fixed time. The overhead is the processor time of the optimizer's process, as if none of it were in
+parallel: the wall time of many such workers is that of their own messages, on the few cores here.
+Between the numbers of requests that were measured, and beyond them, the model goes in straight
+lines.
 """
 
 from collections.abc import Mapping, Sequence
@@ -89,8 +91,8 @@ class Parts:
         base_ms: of a plan with one request that is answered at once.
         inside_ms: the part of it within the optimizer and beyond, without the way from the robot
             and back.
-        requests, overhead_ms: numbers of a plan's requests, ascending from 1, and by how much
-            longer than with the first of them a plan takes with each.
+        requests, overhead_ms: numbers of a plan's requests, ascending from 1, and how much more
+            than with the first of them the optimizer has to do with each.
         row_ms: more for each row of a request but its first, by messages alone.
         idle_ms: more for each worker that is there and not asked.
     """
@@ -104,7 +106,7 @@ class Parts:
     idle_ms: float
 
     def overhead(self, requests: np.ndarray) -> np.ndarray:
-        """By how much longer a plan takes for the others of so many requests (n,) [ms]."""
+        """What the optimizer has to do for the others of so many requests (n,) [ms]."""
         return _on_line(requests, self.requests, self.overhead_ms)
 
 

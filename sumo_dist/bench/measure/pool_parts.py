@@ -48,13 +48,13 @@ def parts(rollout: RolloutTimes, found: Mapping[tuple[int, int], Made]) -> Parts
     few, most = min(FEW, counts[-1]), counts[-1]
     more_rows = took[few, MANY_ROWS * few] - took[few, few]
     idle = took[most, few] - took[few, few]
-    grows = np.maximum.accumulate([took[count, count] - took[1, 1] for count in counts])
+    own = [found[count, count].optimizer_cpu_ms - found[1, 1].optimizer_cpu_ms for count in counts]
     return Parts(
         rollout,
         base_ms=took[1, 1],
         inside_ms=float(np.median(found[1, 1].inside_ms)) - DELAY_MS,
         requests=counts,
-        overhead_ms=grows.tolist(),
+        overhead_ms=np.maximum.accumulate(own).tolist(),
         row_ms=max(0.0, more_rows) / (few * (MANY_ROWS - 1)),
         idle_ms=max(0.0, idle) / max(1, most - few),
     )

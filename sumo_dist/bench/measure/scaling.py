@@ -5,7 +5,7 @@ the prediction is compared with plans that are made here: by real workers, as ma
 cores, and by scripted ones that take as long for a request as a slow worker would.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,13 +36,19 @@ from sumo_dist.terminal import say
 
 SCRIPTED = 6  # workers that answer like slow ones
 REQUESTS = 4  # into which the optimizer cuts what a worker can do in a period
-MANY = 4  # times the rollouts of other plans, where more are asked for than are in time
-IF = {  # what is changed -> the parts then
-    "as it is": lambda parts: parts,
-    "rollouts all take the same time": lambda p: replace(p, rollout=p.rollout.without_spread()),
-    "each request costs half": lambda p: replace(p, overhead_ms=[ms / 2 for ms in p.overhead_ms]),
-    "messages cost nothing beyond the first": free_messages,
-    "a plan's base is half": lambda p: replace(p, base_ms=p.base_ms / 2),
+IF: dict[str, tuple[Callable[[Parts], Parts], int]] = {  # -> the parts then, requests a worker
+    "as it is": (lambda parts: parts, REQUESTS),
+    "rollouts all take the same time": (
+        lambda parts: replace(parts, rollout=parts.rollout.without_spread()),
+        REQUESTS,
+    ),
+    "each request costs half": (
+        lambda parts: replace(parts, overhead_ms=[ms / 2 for ms in parts.overhead_ms]),
+        REQUESTS,
+    ),
+    "one request a worker": (lambda parts: parts, 1),
+    "messages cost nothing beyond the first": (free_messages, REQUESTS),
+    "a plan's base is half": (lambda parts: replace(parts, base_ms=parts.base_ms / 2), REQUESTS),
 }
 
 
@@ -148,8 +154,8 @@ def by_scripted(options: Options, bench: Bench, found: Parts) -> Iterator[dict[s
 
 
 def in_time_checks(options: Options, bench: Bench, found: Parts) -> list[dict[str, Any]]:
-    """Compare how many rollouts are in time in realtime, when more are asked for than can be."""
-    rollouts = MANY * options.rollouts
+    """Ask in realtime for as many rollouts as should fit, and compare how many are in time."""
+    rollouts = most_that_fit(found, SCRIPTED, rows_a_request(found))
     with bench.scripted(SCRIPTED, found.rollout):
         bench.timed(SCRIPTED, options.rollouts)
         measured = bench.in_time(SCRIPTED, rollouts)
@@ -209,10 +215,10 @@ def predicted(rollouts: int, workers: int, found: Parts) -> dict[str, Any]:
     }
 
 
-def rows_a_request(found: Parts) -> int:
+def rows_a_request(found: Parts, requests: int = REQUESTS) -> int:
     """Return the rows of a request with a deadline: a worker gets some, one after the other."""
     a_row_ms = found.rollout.medians_ms[-1] / found.rollout.sizes[-1]
-    return max(1, int(PERIOD_MS / a_row_ms / REQUESTS))
+    return max(1, int(PERIOD_MS / a_row_ms / requests))
 
 
 def changes(options: Options, found: Parts) -> list[dict[str, Any]]:
@@ -220,10 +226,10 @@ def changes(options: Options, found: Parts) -> list[dict[str, Any]]:
     few, most = min(FEW, max(options.workers)), max(options.workers)
     free = most_that_fit(free_messages(found), most, rows_a_request(found))
     rows = []
-    for change, apply in IF.items():
+    for change, (apply, requests_each) in IF.items():
         then = apply(found)
         small = predicted(options.rollouts, few, then)
-        fit = most_that_fit(then, most, rows_a_request(then))
+        fit = most_that_fit(then, most, rows_a_request(then, requests_each))
         kept = {name: small[name] for name in ("p50_ms", "efficiency")}
         rows.append({"change": change, **kept, "fit": fit, "fit_efficiency": round(fit / free, 4)})
     return rows
