@@ -240,13 +240,11 @@ def limits(found: Parts, made: Mapping[tuple[int, int], Made]) -> dict[str, Any]
     most = found.requests[-1]
     added = max(1, most - 1)
     router_ms = (made[most, most].router_cpu_ms - made[1, 1].router_cpu_ms) / (2 * added)
-    optimizer_ms = (made[most, most].optimizer_cpu_ms - made[1, 1].optimizer_cpu_ms) / added
     takes = found.base_ms + found.overhead(np.arange(most) + 1)
     full = (np.flatnonzero(takes > PERIOD_MS) + 1).tolist()
     return {
         "base_ms": round(found.base_ms, 2),
         "request_ms": round(found.overhead_ms[-1] / added, 4),
-        "optimizer_cpu_ms_per_request": round(optimizer_ms, 4),
         "router_cpu_ms_per_message": round(router_ms, 4),
         "requests_that_fill_a_period": full[0] if full else None,
         "requests_that_fill_the_router": round(PERIOD_MS / (2 * router_ms))

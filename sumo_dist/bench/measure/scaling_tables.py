@@ -72,17 +72,15 @@ def text(result: Result) -> Iterable[str]:
     )
     yield table(MESSAGES, result["messages"])
     limit = result["limits"]
-    full = limit["requests_that_fill_a_period"]
-    filled = f"{full} requests fill" if full else f"{result['messages'][-1]['workers']} do not fill"
-    most = limit["requests_that_fill_the_router"]
-    router = f", so that {most} requests would fill it" if most else ""
+    full, router = limit["requests_that_fill_a_period"], limit["requests_that_fill_the_router"]
+    most = max(row["workers"] for row in result["messages"])
     yield (
         f"A plan of one request takes {limit['base_ms']:.1f} ms beside its rollouts, each further "
-        f"request {limit['request_ms']:.3f} ms, each further row {result['row_ms']:.3f}, each "
-        f"worker that is not asked {result['idle_ms']:.3f}; {filled} the period of "
-        f"{PERIOD_MS:.0f} ms. Processor time: {limit['optimizer_cpu_ms_per_request']:.3f} ms of "
-        f"the optimizer a request, {limit['router_cpu_ms_per_message']:.3f} of the router a message"
-        f"{router}."
+        f"request {limit['request_ms']:.3f} ms of the optimizer's processor time, each further row "
+        f"{result['row_ms']:.3f} ms, each worker that is not asked {result['idle_ms']:.3f}: "
+        f"{f'{full} requests fill' if full else f'{most} do not fill'} the period of "
+        f"{PERIOD_MS:.0f} ms. The router takes {limit['router_cpu_ms_per_message']:.3f} ms of "
+        f"processor time a message{f': {router} requests would fill it' if router else ''}."
     )
     yield f"Predictions, which should be within {CLOSE:.0%}, against plans made on this machine:"
     yield table(CHECKS, result["checks"])

@@ -38,7 +38,7 @@ def test_limits_say_where_messages_alone_fill_the_period():
     assert limits["requests_that_fill_a_period"] == 47  # 5 + 46 ms
     assert limits["requests_that_fill_the_router"] == 500
     assert limits["router_cpu_ms_per_message"] == pytest.approx(0.05)
-    assert limits["optimizer_cpu_ms_per_request"] == pytest.approx(0.1)
+    assert limits["request_ms"] == pytest.approx(1.0)
 
 
 def test_efficiency_is_speed_up_per_worker():
