@@ -1,6 +1,6 @@
 """Completes an image: fetches all policies' weights, and fails if there is no native engine.
 
-An installation without a compiler falls back to another engine in silence, whose workers nobody asks.
+An installation without a compiler has another engine, without a word, whose workers nobody asks.
 """
 
 from sumo_dist.policies.fetch import policy_file
