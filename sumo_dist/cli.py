@@ -100,6 +100,9 @@ COMMANDS = {
     "bench messaging": Command(
         "Time what messaging adds to a plan", "sumo_dist.bench.measure.messaging"
     ),
+    "bench scaling": Command(
+        "Predict plans on 1 to 256 workers from measured parts", "sumo_dist.bench.measure.scaling"
+    ),
     "bench estimator": Command(
         "Measure how far the estimated state is off", "sumo_dist.bench.measure.estimator"
     ),

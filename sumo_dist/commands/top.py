@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
-from sumo_dist.wire.finding import ROUTER_S, Search
-from sumo_dist.wire.keys import Member
+from sumo_dist.wire.finding import ROUTER_S, Search, only_router
+from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name
 from sumo_dist.wire.notices import Health
 
+DIAL_S = 5.0  # for a router that is named
+SEEN_S = 1.0  # those that are there are seen within milliseconds
 STALE_S = 2.0  # a service that said nothing for this long is shown as silent
 _CLEAR = "\x1b[H\x1b[J"  # to the top left, and all below is gone
 
@@ -30,6 +32,9 @@ class Options:
         every: between two looks [s].
         times: how many looks; until Ctrl-C by default.
         json: one JSON object a look, for logs, instead of a screen.
+        worker: instead of all that, only say whether a rollout worker of this name is there: exit
+            code 0 if it is, 1 if not. For whoever starts workers and wants to know when one is
+            ready; no robot has to be there.
     """
 
     connect: str | None = None
@@ -38,8 +43,11 @@ class Options:
     every: float = 1.0
     times: int | None = None
     json: bool = False
+    worker: str | None = None
 
     def __post_init__(self) -> None:
+        if self.worker is not None:
+            checked_name("worker", self.worker)
         if not 0.1 <= self.every <= 3600:
             raise UsageError(f"every must be from 0.1 to 3600 s, got {self.every}")
         if self.times is not None and self.times < 1:
@@ -90,6 +98,8 @@ class Board:
 
 def main(options: Options) -> int:
     """Show the services until told to stop."""
+    if options.worker is not None:
+        return find_worker(options)
     keys = keys_for(options.connect, options.keys, "operator", "tracer")
     place = Search(options.connect, options.robot, keys).one()
     with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S, keys=keys) as bus:
@@ -106,6 +116,38 @@ def main(options: Options) -> int:
                 clear = _CLEAR if sys.stdout.isatty() else ""
                 print(clear + screen(place.who, rows, alive), flush=True)
     return 0
+
+
+def find_worker(options: Options) -> int:
+    """Return 0 if the worker is seen at a router, by default at that of this machine, else 1.
+
+    Raises:
+        SumoError: there is no router.
+    """
+    name, endpoint = options.worker, options.connect or local_router()
+    keys = keys_for(endpoint, options.keys, WORKER, "operator", "tracer")
+    with Bus.dial(endpoint, POOL, timeout=DIAL_S, keys=keys) as bus:
+        members = bus.watch(WORKER)
+        deadline = time.monotonic() + SEEN_S
+        while not any(member.id == name for member in members.now):
+            if time.monotonic() > deadline:
+                print(f"worker {name} is not at {endpoint}")
+                return 1
+            time.sleep(0.02)
+    print(f"worker {name} is at {endpoint}")
+    return 0
+
+
+def local_router() -> str:
+    """Return the endpoint of the router on this machine.
+
+    Raises:
+        SumoError: there is none.
+        UsageError: there are several.
+    """
+    if routers := Search().look().routers:
+        return only_router(routers)
+    raise SumoError("no router on this machine: --connect names one elsewhere")
 
 
 def look(rows: Iterable[Row], alive: Iterable[Member]) -> dict[str, Any]:

@@ -105,7 +105,8 @@ def _folders() -> Iterator[Path]:
         yield Path(runtime, "sumo-dist")
     else:
         yield Path(f"/run/user/{user}", "sumo-dist")
-    yield Path(tempfile.gettempdir(), f"sumo-dist-{user}")
+    with suppress(FileNotFoundError):  # a container may have no folder that can be written to
+        yield Path(tempfile.gettempdir(), f"sumo-dist-{user}")
 
 
 def _is_ours(folder: Path) -> bool:

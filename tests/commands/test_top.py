@@ -9,7 +9,7 @@ from sumo_dist.commands import top
 from sumo_dist.commands.top import Board, Row, look, screen
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.health import Heartbeat
-from sumo_dist.wire.keys import Member
+from sumo_dist.wire.keys import POOL, Member
 from sumo_dist.wire.notices import Health
 from sumo_dist.wire.session import open_router
 
@@ -50,6 +50,20 @@ def test_a_pulse_ends_with_its_service(endpoint):
         with Heartbeat(bus, "robot", lambda: ("running", {})):
             time.sleep(0.1)
         assert not [t for t in threading.enumerate() if "_beat" in t.name]
+
+
+def test_a_worker_is_there_from_its_token_on(endpoint, capsys):
+    asked = ["top", "--connect", endpoint, "--worker", "w-1"]
+    with open_router(endpoint):
+        assert main(asked) == 1
+        with Bus.dial(endpoint, POOL) as bus:
+            bus.announce("worker", "w-2")
+            assert main(asked) == 1
+            bus.announce("worker", "w-1")
+            assert main(asked) == 0
+        assert main(asked) == 1
+    there, gone = f"worker w-1 is at {endpoint}", f"worker w-1 is not at {endpoint}"
+    assert capsys.readouterr().out.splitlines() == [gone, gone, there, gone]
 
 
 @pytest.mark.parametrize(

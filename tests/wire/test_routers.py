@@ -136,3 +136,15 @@ def test_a_run_is_found_without_the_variable_that_it_had(tmp_path, monkeypatch):
         (tmp_path / "user").mkdir()
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "user"))
         assert local_routers() == [HERE]
+
+
+def test_a_container_without_a_folder_to_write_to_has_a_router_all_the_same(tmp_path, monkeypatch):
+    def nowhere():
+        raise FileNotFoundError("no usable temporary directory")
+
+    monkeypatch.delenv(routers.VARIABLE)
+    monkeypatch.setattr(routers.tempfile, "gettempdir", nowhere)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "gone"))
+    with left_note(HERE) as ours:
+        assert ours
+        assert local_routers() == []
