@@ -86,7 +86,7 @@ class _Digest:
             if self._is_own(value) and self._is_new(value):
                 self._add_source(value)
                 if isinstance(value, FunctionType):
-                    self._add_all((value.__defaults__, value.__kwdefaults__, *_referred(value)))
+                    self._add_all((value.__defaults__, value.__kwdefaults__, *self._referred(value)))
         elif self._is_own(type(value)):
             self.add((type(value).__call__, getattr(value, "__dict__", {})))
         else:
@@ -95,6 +95,21 @@ class _Digest:
     def _add_all(self, values: Iterable[Any]) -> None:
         for value in values:
             self.add(value)
+
+    def _referred(self, function: FunctionType) -> Iterator[Any]:
+        """Values of the closure's variables and of the globals that a function names, by name.
+
+        Of a module of its own kind, those of its attributes that the function may mean: those with
+        a name it uses.
+        """
+        yield from (cell.cell_contents for cell in function.__closure__ or ())
+        names = sorted(_names(function.__code__))
+        known = [name for name in names if name in function.__globals__]
+        for name in known:
+            value = function.__globals__[name]
+            yield value
+            if isinstance(value, ModuleType) and self._is_own(value):
+                yield from (vars(value)[inner] for inner in names if inner in vars(value))
 
     def _is_own(self, value: Any) -> bool:
         """Whether a function, class or module is not merely installed, or of a package to see."""
@@ -128,21 +143,6 @@ def _source(value: Any) -> str | None:
 @cache
 def _content(path: str, _changed_ns: int) -> bytes:
     return Path(path).read_bytes()
-
-
-def _referred(function: FunctionType) -> Iterator[Any]:
-    """Values of the closure's variables and of the globals that a function names, by name.
-
-    Of a module, those of its attributes that the function may mean: those with a name it uses.
-    """
-    yield from (cell.cell_contents for cell in function.__closure__ or ())
-    names = sorted(_names(function.__code__))
-    known = [name for name in names if name in function.__globals__]
-    for name in known:
-        value = function.__globals__[name]
-        yield value
-        if isinstance(value, ModuleType) and not (_source(value) or "").startswith(_INSTALLED):
-            yield from (vars(value)[inner] for inner in names if inner in vars(value))
 
 
 def _names(code: CodeType) -> set[str]:

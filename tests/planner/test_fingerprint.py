@@ -11,6 +11,7 @@ import pytest
 import sumo_dist
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import PLANNING
+from sumo_dist.planner import fingerprint as fingerprinting
 from sumo_dist.planner.fingerprint import fingerprint
 from sumo_dist.planner.problem import Problem
 from sumo_dist.robots.spot import spot_actions
@@ -205,3 +206,11 @@ def test_two_fresh_processes_agree_about_a_helper(tmp_path, way):
         for seed in ("1", "2")
     }
     assert hashes == {hash_of(path)}
+
+
+def test_a_task_has_the_same_hash_in_a_checkout_and_installed(monkeypatch):
+    checkout = Problem.build(load_task("spot/move_box"), PLANNING).hash
+    here = str(Path(sumo_dist.__file__).parents[1])
+    installed = (*fingerprinting._INSTALLED, here)
+    monkeypatch.setattr(fingerprinting, "_INSTALLED", installed)
+    assert Problem.build(load_task("spot/move_box"), PLANNING).hash == checkout
