@@ -86,7 +86,9 @@ class _Digest:
             if self._is_own(value) and self._is_new(value):
                 self._add_source(value)
                 if isinstance(value, FunctionType):
-                    self._add_all((value.__defaults__, value.__kwdefaults__, *self._referred(value)))
+                    self._add_all(
+                        (value.__defaults__, value.__kwdefaults__, *self._referred(value))
+                    )
         elif self._is_own(type(value)):
             self.add((type(value).__call__, getattr(value, "__dict__", {})))
         else:
