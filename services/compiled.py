@@ -12,7 +12,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
 from sumo_dist.planner.problem import Problem
 from sumo_dist.rollout.interface import Engine
-from sumo_dist.tasks import load_task
+from sumo_dist.tasks import load_task, task_file
 
 KEPT = 4  # problems with their engines; each has some MB and threads that sleep
 CONFIGS = 4  # planner settings of a problem that evaluators are kept for
@@ -123,7 +123,7 @@ def _check_trusted(task: str, trust: Sequence[Path]) -> None:
     """Refuse to run a file that a message names, unless this host was told to trust it."""
     if not task.endswith(".py"):
         return
-    path = Path(task).resolve()
+    path = task_file(task).resolve()
     if not any(path.is_relative_to(allowed.resolve()) for allowed in trust):
         raise SumoError(
             f"task file {path} is not trusted on this host: start the worker with "

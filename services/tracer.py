@@ -21,6 +21,7 @@ from sumo_dist.errors import SumoError
 from sumo_dist.extras import need
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
+from sumo_dist.services.backlog import Backlog, Presence
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import SHOUT
@@ -41,7 +42,6 @@ if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not
     from sumo_dist.view.run_logger import Level, RunLogger
     from sumo_dist.view.viewers import Viewer
 
-BACKLOG = 2000  # messages; some ten seconds of a run
 QUESTIONS = 50  # of which state and memory are kept until the plan is there
 PATIENCE = 4  # plans by which candidates' paths may lag behind their costs
 
@@ -85,37 +85,6 @@ class TracerOptions(Connection):
     out: Path | None = None
     viewer: str = "web"
     linger: bool = False
-
-
-@dataclass(frozen=True)
-class Presence:
-    """A rollout worker has come or gone."""
-
-    member: Member
-    alive: bool
-
-
-class Backlog:
-    """What is still to be shown. When it is full the oldest is dropped: senders never wait."""
-
-    def __init__(self, limit: int = BACKLOG) -> None:
-        """Start empty."""
-        self.dropped = 0
-        self._items: deque[Message | Presence] = deque(maxlen=limit)
-        self._changed = threading.Condition()
-
-    def put(self, item: Message | Presence) -> None:
-        """Append, at the cost of the oldest."""
-        with self._changed:
-            self.dropped += len(self._items) == self._items.maxlen
-            self._items.append(item)
-            self._changed.notify()
-
-    def get(self, timeout: float) -> Message | Presence | None:
-        """Return the oldest; None if there is nothing for `timeout` [s]."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._items, timeout)
-            return self._items.popleft() if self._items else None
 
 
 class Candidates:

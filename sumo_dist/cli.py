@@ -144,6 +144,9 @@ COMMANDS = {
     "rollout-worker": Command(
         "Service: rolls out candidate plans", "sumo_dist.launch.serve", "Worker", "worker"
     ),
+    "host-agent": Command(
+        "Service: runs a host's services for `run --hosts`", "sumo_dist.hosts.agent"
+    ),
     "trial-worker": Command(
         "Service: runs trials for a benchmark", "sumo_dist.bench.campaign.worker"
     ),

@@ -1,5 +1,6 @@
 """Finding tasks: ours by name, those of installed packages by entry point, a user's by file."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +20,9 @@ from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
+TASK_FILES = (
+    "SUMO_DIST_TASK_FILES"  # names a folder of copies, FOLDER/NAME.py for /.../FOLDER/NAME.py
+)
 _BESIDE: set[str] = set()  # names of modules that task files have imported from beside them
 _OURS = {**ANALYSIS, **PUSHES, "g1/door_open": door_open}
 
@@ -45,7 +49,7 @@ def load_task(source: str) -> Task:
         UsageError: there is no such task, or its file or package is at fault.
     """
     if source.endswith(".py"):
-        return _from_file(Path(task_source(source)))
+        return _from_file(task_file(source))
     points = [point for point in entry_points(group=GROUP) if point.name == source]
     if len(points) + (source in _OURS) > 1:
         raise UsageError(f"task {source!r} is defined more than once, also by {points[0].value}")
@@ -54,6 +58,16 @@ def load_task(source: str) -> Task:
     if not points:
         raise unknown("task", source, ["/a/path/to/a/task.py", *task_names()])
     return _from_package(points[0])
+
+
+def task_file(source: str) -> Path:
+    """Return where a task file is on this host: its copy of it, if it has been given one."""
+    path = Path(task_source(source))
+    if folder := os.environ.get(TASK_FILES):
+        copy = Path(folder, path.parent.name, path.name)
+        if copy.is_file():
+            return copy
+    return path
 
 
 def _from_file(path: Path) -> Task:

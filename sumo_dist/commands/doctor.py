@@ -2,14 +2,16 @@
 
 import importlib
 import importlib.metadata
+import json
 import os
 import platform
 import queue
+import shutil
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -17,6 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from sumo_dist.check.findings import Finding, examine
+from sumo_dist.errors import SumoError, unknown
 from sumo_dist.extras import lacking, required
 
 # Checks import what they check: a broken package then fails its line and not the command.
@@ -24,6 +27,7 @@ from sumo_dist.extras import lacking, required
 PYTHONS = ((3, 11), (3, 13))
 PINGS = 50
 PLANS = 12
+LEAST_GB = 1.0
 CPU_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 RENDER = (
     "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).render()"
@@ -32,18 +36,50 @@ RENDER = (
 
 @dataclass(frozen=True)
 class Options:
-    """`doctor` has no options."""
+    """Options of `doctor`.
+
+    Attributes:
+        only: these checks; by default all.
+        json: print one JSON object, {check: [level, text]}, when all are done.
+        hosts: a hosts file: look at its hosts, and whether together they can carry a run.
+    """
+
+    only: tuple[str, ...] = ()
+    json: bool = False
+    hosts: Path | None = None
 
 
 def main(options: Options) -> int:
     """Print a line per check; 0 if none failed, else 3."""
-    del options
-    failed = False
-    for name, check in CHECKS.items():
-        finding = examine(check)
-        failed |= finding.level == "fail"
-        print(f"{finding.level:<6}{name:<12}{finding.text}", flush=True)
-    return 3 if failed else 0
+    if options.hosts is not None:
+        return _of_hosts(options.hosts)
+    for name in options.only:
+        if name not in CHECKS:
+            raise unknown("check", name, CHECKS)
+    found = {}
+    for name in options.only or CHECKS:
+        found[name] = finding = examine(CHECKS[name])
+        if not options.json:
+            print(f"{finding.level:<6}{name:<12}{finding.text}", flush=True)
+    if options.json:
+        print(json.dumps({name: [f.level, f.text] for name, f in found.items()}))
+    return _exit_code(found.values())
+
+
+def _of_hosts(path: Path) -> int:
+    """Print a line for each host and finding."""
+    from sumo_dist.hosts.examine import examined
+    from sumo_dist.hosts.inventory import read_inventory
+
+    found = []
+    for host, subject, finding in examined(read_inventory(path)):
+        found.append(finding)
+        print(f"{finding.level:<6}{host:<12}{subject:<12}{finding.text}", flush=True)
+    return _exit_code(found)
+
+
+def _exit_code(findings: Iterable[Finding]) -> int:
+    return SumoError.exit_code if any(f.level == "fail" for f in findings) else 0
 
 
 def python() -> Finding:
@@ -237,6 +273,14 @@ def priority() -> Finding:
     return Finding("warn", f"no real-time priority: commands may be late; {hint}")
 
 
+def disk() -> Finding:
+    """Is there room for recordings here."""
+    free = shutil.disk_usage(".").free / 1e9
+    if free < LEAST_GB:
+        return Finding("warn", f"{free:.1f} GB free here: a run with viewer takes 0.1 GB a minute")
+    return Finding("ok", f"{free:.0f} GB free here")
+
+
 def planning() -> Finding:
     """How long a plan takes in one process with all cores, and what that allows in realtime."""
     from sumo_dist.bench.measure.realtime import at_least
@@ -252,7 +296,8 @@ def planning() -> Finding:
     factor = min(1.0, PLAN_PERIOD * 1e3 / wall_ms)
     text = (
         f"{PlannerConfig().rollouts} rollouts: a plan takes about {wall_ms:.0f} ms on {count()} "
-        f"cores, realtime factor {factor:.2f}"
+        f"cores ({PlannerConfig().rollouts / wall_ms * 1e3:.0f} rollouts/s), realtime factor "
+        f"{factor:.2f}"
     )
     if factor == 1.0:
         return Finding("ok", text)
@@ -288,5 +333,6 @@ CHECKS: dict[str, Callable[[], Finding]] = {
     "rendering": rendering,
     "cores": cores,
     "priority": priority,
+    "disk": disk,
     "planning": planning,
 }

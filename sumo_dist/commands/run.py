@@ -2,9 +2,10 @@
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -24,6 +25,9 @@ from sumo_dist.startup import INTERRUPTED
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
 from sumo_dist.wire.keys import checked_priority, checked_robot
+
+if TYPE_CHECKING:  # Zenoh is loaded where it is needed
+    from sumo_dist.launch.deployment import Deployment
 
 VIEWERS = ("web", "native", "none")
 
@@ -70,6 +74,9 @@ class Options:
             lower one when no higher one asks.
         trust: task files that the run's own workers may run besides the task, or folders of such,
             for `sumo-dist ctl task`.
+        hosts: a hosts file: which machine has the robot, the router, the optimizer, the tracer, and
+            how many workers. They are reached by ssh; deploy/hosts.example.toml explains the file.
+        print: with --hosts, print what to run on each host, and run nothing.
         wait: how long the robot waits for an answer before the run ends [s].
         resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
             before the run ends [s].
@@ -103,6 +110,8 @@ class Options:
     robot: str | None = None
     priority: int = 0
     trust: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    hosts: Path | None = None
+    print: bool = False
     wait: float = 60.0
     resume_wait: float = 0.0
     stay: bool = False
@@ -124,6 +133,8 @@ class Options:
 def main(options: Options) -> int:
     """Run, print the one line, return the exit code."""
     _check_endpoints(options)
+    if options.hosts is not None:
+        return _on_hosts(options, options.hosts)
     alone = cores() if options.connect is None else 0
     workers = alone if options.workers is None else options.workers
     if not 0 <= workers <= 256:
@@ -131,17 +142,23 @@ def main(options: Options) -> int:
     threads = (1 if workers else cores()) if options.threads is None else options.threads
     if not 1 <= threads <= 256:
         raise UsageError(f"threads must be from 1 to 256, got {threads}")
-    if options.viewer not in VIEWERS:
-        raise unknown("viewer", options.viewer, VIEWERS)
     episode = options.episode()
     _prepare(episode)
     traced = (options.rrd or options.viewer != "none") and _has_view()
+
+    def run(out: Path) -> int:
+        if workers == 0 and options.connect is None:
+            return _single(episode, threads, out, traced)
+        return _distributed(options, episode, workers, threads, out, traced)
+
+    return _kept(options, episode, run)
+
+
+def _kept(options: Options, episode: EpisodeConfig, run: Callable[[Path], int]) -> int:
+    """Run into a folder and say what came of it; return the exit code."""
     with run_folder(options.out, _default_folder(episode)) as out:
         try:
-            if workers == 0 and options.connect is None:
-                code = _single(episode, threads, out, traced)
-            else:
-                code = _distributed(options, episode, workers, threads, out, traced)
+            code = run(out)
         except KeyboardInterrupt:  # what has begun is kept by now
             code = INTERRUPTED
         last = last_episode(out)
@@ -159,6 +176,10 @@ def _check_endpoints(options: Options) -> None:
     if options.robot is not None:
         checked_robot(options.robot)
     checked_priority(options.priority)
+    if options.viewer not in VIEWERS:
+        raise unknown("viewer", options.viewer, VIEWERS)
+    if options.print and options.hosts is None:
+        raise UsageError("--print says what to run on each host of --hosts FILE")
 
 
 def _check_way_in(options: Options) -> None:
@@ -216,9 +237,45 @@ def _has_view() -> bool:
 def _distributed(
     options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path, traced: bool
 ) -> int:
-    from sumo_dist.launch.deployment import Deployment, join, run_distributed
+    from sumo_dist.launch.deployment import join, run_distributed
 
-    deployment = Deployment(
+    deployment = _deployment(options, episode, workers, threads, out, traced)
+    if options.connect is not None:
+        return join(deployment, options.connect)
+    return run_distributed(deployment, options.listen)
+
+
+def _on_hosts(options: Options, path: Path) -> int:
+    """Run on the hosts of a file, or print what to run there."""
+    from sumo_dist.hosts.inventory import read_inventory
+    from sumo_dist.hosts.printed import printed
+    from sumo_dist.hosts.run import run_on_hosts
+
+    for name in ("workers", "threads", "listen", "connect", "keys", "insecure"):
+        if getattr(options, name) not in (None, False):
+            raise UsageError(f"--{name} and --hosts: the hosts file says who has what")
+    inventory = read_inventory(path)
+    episode = options.episode()
+    _prepare(episode)
+    traced = inventory.having("tracer") is not None and (options.rrd or options.viewer != "none")
+    if inventory.having("tracer") is None and options.viewer != "none":
+        say("no host has the role tracer, so there is no view; --viewer none is content with that")
+    if options.print:
+        say(printed(inventory, _deployment(options, episode, 0, 1, Path(), traced)), sys.stdout)
+        return 0
+    return _kept(
+        options,
+        episode,
+        lambda out: run_on_hosts(inventory, _deployment(options, episode, 0, 1, out, traced)),
+    )
+
+
+def _deployment(
+    options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path, traced: bool
+) -> "Deployment":
+    from sumo_dist.launch.deployment import Deployment
+
+    return Deployment(
         *(episode, workers, threads, out),
         viewer=options.viewer if traced else None,
         speed=_speed(options),
@@ -232,9 +289,6 @@ def _distributed(
         keys=options.keys and options.keys.absolute(),
         insecure=options.insecure,
     )
-    if options.connect is not None:
-        return join(deployment, options.connect)
-    return run_distributed(deployment, options.listen)
 
 
 def _single(episode: EpisodeConfig, threads: int, out: Path, traced: bool) -> int:

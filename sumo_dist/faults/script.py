@@ -1,13 +1,11 @@
 """Fault scripts: what goes wrong in a run, when, and for how long. TOML files."""
 
-import tomllib
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.faults.tamper import TAMPERS
+from sumo_dist.tables import made, read_table
 
 PROCESS_FAULTS = ("kill", "freeze")
 MESSAGE_FAULTS = ("drop", "delay", "narrow", "duplicate", "cut", *TAMPERS)
@@ -131,36 +129,15 @@ def read_script(path: Path) -> Script:
     Raises:
         UsageError: there is no such file, or it is no script; the message names what is valid.
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"no fault script at {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} is not TOML: {error}") from None
+    content = read_table(path, "fault script")
     faults = content.pop("faults", [])
     if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
         raise UsageError(f"{path}: faults are tables, [[faults]]")
     for fault in faults:
         if missing := [name for name in ("kind", "after_plan") if name not in fault]:
             raise UsageError(f"{path}: a fault needs {' and '.join(missing)}")
-    made = tuple(_made(Fault, fault, path, kind=str, after_plan=int) for fault in faults)
-    script = _made(Script, {"name": path.stem, **content, "faults": made}, path, faults=tuple)
+    parsed = tuple(made(Fault, fault, path, kind=str, after_plan=int) for fault in faults)
+    script = made(Script, {"name": path.stem, **content, "faults": parsed}, path, faults=tuple)
     if script.task.endswith(".py"):
         return replace(script, task=str(path.parent / script.task))
     return script
-
-
-def _made(made: type, values: Mapping[str, Any], path: Path, **required: type) -> Any:
-    """Build a dataclass of values whose types are those of its defaults, or required ones."""
-    types = required | {f.name: type(f.default) for f in fields(made) if f.default is not MISSING}
-    given = {}
-    for name, read in values.items():
-        if name not in types:
-            raise UsageError(f"{path}: {unknown('entry', name, types)}")
-        value = tuple(read) if isinstance(read, list) else read
-        if types[name] is float and type(read) is int:
-            value = float(read)
-        if type(value) is not types[name]:
-            raise UsageError(f"{path}: {name} needs a {types[name].__name__}, got {value!r}")
-        given[name] = value
-    return made(**given)

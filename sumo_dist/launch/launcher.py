@@ -29,7 +29,7 @@ class Service:
     Attributes:
         name: shown to the user.
         command: subcommand of sumo-dist.
-        options: its options as a dataclass.
+        options: its options as a dataclass, or as words of a command line.
         vital: the run cannot go on without it.
         prefix: command that becomes the service's in the same process, such as `env` or `ip netns
             exec`.
@@ -40,6 +40,11 @@ class Service:
     options: Any
     vital: bool = True
     prefix: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Its options as words of a command line."""
+        return self.options if isinstance(self.options, tuple) else tuple(flags(self.options))
 
 
 def flags(options: Any, prefix: str = "") -> Iterator[str]:
@@ -71,9 +76,10 @@ def _appended(kind: type) -> set[str]:
 class Launcher:
     """The processes of one run. A context manager: leaving it stops them all."""
 
-    def __init__(self, poll_s: float = 0.05) -> None:
-        """Start with none."""
+    def __init__(self, poll_s: float = 0.05, piped: bool = False) -> None:
+        """Start with none; `piped` hands over what they say as `stdout` of their processes."""
         self._poll_s = poll_s
+        self._piped = piped
         self._services: dict[str, tuple[Service, subprocess.Popen[bytes]]] = {}
         self._started: list[subprocess.Popen[bytes]] = []
         self._noted: set[str] = set()
@@ -82,8 +88,10 @@ class Launcher:
         """Start a service in a process group of its own: Ctrl-C reaches only the launcher."""
         python = (sys.executable, "-P", "-m", "sumo_dist")
         process = subprocess.Popen(
-            [*service.prefix, *python, service.command, *flags(service.options)],
+            [*service.prefix, *python, service.command, *service.words],
             stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE if self._piped else None,
+            stderr=subprocess.STDOUT if self._piped else None,
             start_new_session=True,
             env={**os.environ, PARENT: str(os.getpid())},
         )
@@ -111,7 +119,7 @@ class Launcher:
             raise SumoError(f"{service.name} ended with exit code {code}; see its messages above")
         if service.name not in self._noted:
             self._noted.add(service.name)
-            say(f"sumo-dist: {service.name} ended ({_cause(code)}), the run goes on")
+            say(f"sumo-dist: {service.name} ended ({cause(code)}), the run goes on")
 
     def __enter__(self) -> "Launcher":
         return self
@@ -142,7 +150,8 @@ def _end_group(leader: int) -> None:
             os.killpg(leader, signal.SIGKILL)
 
 
-def _cause(code: int) -> str:
+def cause(code: int) -> str:
+    """Say how a process ended, of its exit code."""
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 

@@ -12,7 +12,8 @@ from sumo_dist.errors import UsageError
 
 RUNS = Path("runs")  # where runs are written to that are given no folder
 RECORDING = "run.npz"
-_WRITTEN = (RECORDING, "summary.json", "run.rrd")
+SERVICES_LOG = "services.log"  # of a run on several hosts
+_WRITTEN = (RECORDING, "summary.json", "run.rrd", SERVICES_LOG)
 _EPISODES = "episode-[0-9]*"
 
 

@@ -14,12 +14,22 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 # Bottom to top: a room imports from itself and those before it. A file in sumo_dist/ is a room.
 ROOMS = (
-    *("errors", "timing", "provenance", "priority", "load", "signals", "terminal"),
+    *("errors", "timing", "provenance", "priority", "load", "signals", "terminal", "tables"),
+    *("extras", "startup", "authority"),
     *("extras", "startup", "authority"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
     *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),
-    *("services", "launch", "bench", "bench.results", "bench.campaign", "faults", "bench.measure"),
+    *(
+        "services",
+        "launch",
+        "hosts",
+        "bench",
+        "bench.results",
+        "bench.campaign",
+        "faults",
+        "bench.measure",
+    ),
     *("commands", "cli", "__main__"),
 )
 WITHOUT_CLOCK = ("math", *ROOMS[ROOMS.index("robots") : ROOMS.index("estimate") + 1])

@@ -6,10 +6,19 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from sumo_dist.hosts.install import installed, same_everywhere
+from sumo_dist.hosts.installation import Installation
+from sumo_dist.hosts.inventory import Host
+from sumo_dist.hosts.wheel import built_wheel
+
+from ..hosts import network  # noqa: TID252 (tests are no package on a path)
 
 ROOT = Path(__file__).parents[2]
 BUILD_TOOLS = ("build", "scikit_build_core", "nanobind")
@@ -54,20 +63,22 @@ def build_wheel(tree: Path, **changes: str) -> Path:
 
 def install(wheel: Path, environment: Path) -> Path:
     """Install into a fresh environment with borrowed dependencies; return its scripts folder."""
-    done = run(sys.executable, "-m", "venv", "--without-pip", environment)
+    scripts = borrow(environment)
+    done = run(scripts / "python", "-m", "pip", "install", "--no-deps", "--no-index", wheel)
     assert done.returncode == 0, done.stderr
-    scripts = environment / "bin"
-    done = run(
-        sys.executable, "-m", "pip", "--python", scripts / "python", "install", "--no-deps",
-        "--no-index", wheel,
-    )  # fmt: skip
+    return scripts
+
+
+def borrow(environment: Path) -> Path:
+    """Make an environment with this one's packages, but for ours; return its scripts folder."""
+    done = run(sys.executable, "-m", "venv", "--without-pip", environment)
     assert done.returncode == 0, done.stderr
     # A path file is read without the path files of the folders it names: no editable install
     # comes along.
     (packages,) = environment.glob("lib/python*/site-packages")
     borrowed = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
     (packages / "borrowed.pth").write_text("\n".join(borrowed), encoding="utf-8")
-    return scripts
+    return environment / "bin"
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +93,8 @@ def tree(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def wheel(tree):
-    return build_wheel(tree)
+    with built_wheel(tree) as wheel:  # as hosts get it
+        yield wheel
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +149,34 @@ def test_without_a_compiler_the_wheel_is_pure_and_runs_on_the_fallback(tree, tmp
     assert wheel.name.endswith("-none-any.whl")
     summary = run_briefly(install(wheel, tmp_path / "venv"), tmp_path, workers=0)
     assert summary["engine"].startswith("fallback")
+
+
+def test_a_host_gets_the_wheel_once(wheel, tmp_path, monkeypatch, capsys):
+    if reason := network.lacking():
+        pytest.skip(reason)
+    builds = []
+
+    @contextmanager
+    def built():
+        builds.append(wheel)
+        yield wheel
+
+    monkeypatch.setattr("sumo_dist.hosts.install.built_wheel", built)
+    with network.Network(tmp_path / "net", ["w1"]) as net:
+        net.reachable()
+        (net.home("w1") / ".venv").unlink()
+        borrow(net.home("w1") / ".venv")
+        host = Host("w1", ssh=net.destination("w1"), workers=1, folder=str(net.home("w1")))
+        host = replace(host, ssh_options=tuple(net.ssh_options))
+        assert installed(host) is None
+        first = same_everywhere([host], view=False)
+        assert first["w1"].does_for(Installation.here())
+        assert same_everywhere([host], view=False) == first
+        assert len(builds) == 1
+        assert not (net.home("w1") / "wheels").exists()
+        done = run(net.home("w1") / ".venv" / "bin" / "sumo-dist", "--version")
+        assert done.stdout == "sumo-dist 0.1.0\n"
+    assert capsys.readouterr().err.count("installing sumo_dist-") == 1
 
 
 def run_briefly(scripts: Path, folder: Path, workers: int) -> dict[str, Any]:
