@@ -54,6 +54,7 @@ class PlannerConfig:
     variance_last: float = 0.6
     base_noise: float = 2.0
     noise_exponent: float = 0.0
+    placement: str = "white"
     execute: Execute = "mean"
     elites: int = 3
     temperature: float = 0.1
@@ -184,7 +185,7 @@ def _wrong_type(key: str, kind: type, value: object) -> UsageError:
 
 
 # What a setting was before there was one: runs of then still replay.
-_BEFORE = {"model": "full"}
+_BEFORE = {"model": "full", "placement": "white"}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.
