@@ -10,7 +10,7 @@ import numpy as np
 
 from sumo_dist.optim.optimizer import Belief
 
-_QUANTILE = np.vectorize(NormalDist().inv_cdf)
+_QUANTILE = np.vectorize(NormalDist().inv_cdf, otypes=[float])
 
 
 class Placement:
