@@ -55,7 +55,8 @@ class Placement:
             from scipy.stats import norm, qmc
 
             power = int(np.ceil(np.log2(rollouts)))
-            points = qmc.Sobol(int(np.prod(shape)), scramble=True, seed=rng).random_base2(power)
+            seeded = np.random.default_rng(rng.integers(2**63))
+            points = qmc.Sobol(int(np.prod(shape)), scramble=True, rng=seeded).random_base2(power)
             return norm.ppf(points[:rollouts]).reshape(rollouts, *shape)
         if self.has("latin"):
             count = rollouts - 1
