@@ -7,8 +7,7 @@ import numpy as np
 
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.math import splines
-from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp
-from sumo_dist.optim.placement import Placement
+from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, noise_shares, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.plan import Plan
@@ -76,7 +75,6 @@ class Planner:
         self._smooth = config.spline == "smooth"
         self._sigma = self._noise()
         self._coloring = coloring(config.noise_exponent, len(self._sigma))
-        self._placement = Placement(config.placement, actions.base, actions.unit(actions.default))
 
     def plan(
         self, request: PlanRequest, evaluate: Evaluate, rollouts: int | None = None
@@ -88,8 +86,9 @@ class Planner:
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
-            spread = self._placement.sigma(belief.sigma, iteration)
-            drawn = self._placement.sample(replace(belief, sigma=spread), count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, F, n)
+            shares = noise_shares(config.placement, count, self._actions.base)  # (B, n)
+            # a ~ N(mu, sigma^2); (B, F, n)
+            drawn = sample(belief, count, rng, self._coloring, shares)
             knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)

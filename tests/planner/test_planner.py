@@ -230,6 +230,18 @@ def test_the_base_is_searched_with_a_noise_of_its_own():
     assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])
 
 
+def test_candidates_are_placed_anew_in_every_iteration():
+    cost = Bowl()
+    config = PlannerConfig(iterations=2, placement="mixed")
+    Planner(config, ACTIONS, seed=0).plan(request(), cost)
+    for asked in cost.asked:
+        moved = np.abs(asked - asked[0]).max(axis=1)  # (B, n)
+        base, limbs = moved[:, ACTIONS.base].max(axis=1), moved[:, ~ACTIONS.base].max(axis=1)
+        assert limbs[1:3].tolist() == [0.0, 0.0] and (base[1:3] > 0.0).all()
+        assert base[3:5].tolist() == [0.0, 0.0] and (limbs[3:5] > 0.0).all()
+        assert (base[5:] > 0.0).all() and (limbs[5:] > 0.0).all()
+
+
 @pytest.mark.parametrize("iterations", [1, 2])
 def test_a_plan_of_fewer_rollouts_has_as_many_candidates(iterations):
     bowl = Bowl()
