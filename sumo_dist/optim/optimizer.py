@@ -64,11 +64,11 @@ def sample(
         rollouts: B.
         rng: decides the draw.
         coloring: (K, K), see `coloring`.
-        shares: (B, n) of the noise that each candidate has, see `noise_shares`.
+        shares: (B,) of the noise that each candidate has, see `noise_shares`.
     """
     white = rng.standard_normal((rollouts, *belief.mean.shape))
     noise = np.einsum("kj,bjn->bkn", coloring, white)
     noise[0] = 0.0
-    return np.clip(belief.mean + belief.sigma * noise * shares[:, None], -1.0, 1.0).astype(
+    return np.clip(belief.mean + belief.sigma * noise * shares[:, None, None], -1.0, 1.0).astype(
         np.float32
     )

@@ -86,7 +86,7 @@ class Planner:
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
-            shares = noise_shares(config.placement, count, self._actions.base)  # (B, n)
+            shares = noise_shares(config.placement, count)  # (B,)
             # a ~ N(mu, sigma^2); (B, F, n)
             drawn = sample(belief, count, rng, self._coloring, shares)
             knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)

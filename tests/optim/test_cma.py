@@ -9,8 +9,8 @@ START = Belief(np.zeros((3, 2)), np.full((3, 2), 0.3))
 
 
 def sample(belief, candidates, rng):
-    nodes, size = belief.mean.shape
-    return sample_shared(belief, candidates, rng, np.eye(nodes), np.ones((candidates, size)))
+    white = np.eye(len(belief.mean))
+    return sample_shared(belief, candidates, rng, white, np.ones(candidates))
 
 
 def evolve(cost, generations, belief=START, candidates=32, seed=0):

@@ -33,7 +33,7 @@ def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
         ({"decay": float("nan")}, "decay must be from 1 to 10"),
         ({"noise_exponent": -1.0}, "noise_exponent must be from 0 to 4, got -1.0"),
         ({"noise_exponent": float("nan")}, "noise_exponent must be from 0 to 4"),
-        ({"placement": "far"}, "unknown placement 'far'; valid: alike, mixed, near"),
+        ({"placement": "far"}, "unknown placement 'far'; valid: alike, near"),
         ({"execute": "median"}, "unknown execute 'median'; valid: best, mean"),
         ({"elites": 0}, "elites must be from 1 to"),
         ({"horizon": 0.0}, "horizon must be a multiple of 0.02 s up to 20 s, got 0.0"),
