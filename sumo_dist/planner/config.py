@@ -36,7 +36,8 @@ class PlannerConfig:
         base_noise: standard deviation of the base's velocities, over that of all other actions.
         noise_exponent: power of the noise falls as 1 / frequency^exponent over the nodes; 0 is
             white: independent nodes.
-        placement: "alike", all candidates have that noise, or "near", every second one a third of it.
+        placement: "alike", all candidates have that noise, or "near", every second one has a third
+            of it.
         execute: "mean" of the last iteration or the "best" candidate of all of them.
         elites: of CEM and iCEM.
         temperature: of MPPI, in units of the costs' spread.
