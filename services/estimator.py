@@ -7,6 +7,7 @@ import logging
 import queue
 import threading
 from dataclasses import dataclass
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -17,34 +18,33 @@ from sumo_dist.estimate import make_estimator
 from sumo_dist.estimate.readings import Readings
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.tasks import load_task
-from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.messages import EpisodeInfo, Sensors, State
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 JUMP = 50  # ticks; readings from further off count once two in a row are from there
 
 log = logging.getLogger("sumo_dist.estimator")
 
 
-@dataclass(frozen=True)
-class EstimatorOptions:
+@dataclass(frozen=True, kw_only=True)
+class EstimatorOptions(Connection):
     """A state estimator.
 
     Attributes:
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose state to estimate.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    role: ClassVar[str] = "robot"
 
 
 def run(options: EstimatorOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
     server = EstimatorServer()
     inbox: queue.SimpleQueue[EpisodeInfo | Sensors] = queue.SimpleQueue()
-    with Bus.dial(options.connect, options.robot) as bus:
+    with options.dial() as bus:
         bus.subscribe(EpisodeInfo, inbox.put)
         bus.subscribe(Sensors, inbox.put)
         with Heartbeat(bus, "estimator", server.health):

@@ -7,22 +7,28 @@ restarted goes on where the last one ended.
 
 import threading
 import time
+from collections import deque
+from collections.abc import Collection
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
-from sumo_dist.dispatch.fit import fitted
+from sumo_dist.dispatch.fit import fitted, periods
+from sumo_dist.dispatch.pace import Pace
 from sumo_dist.dispatch.questions import QuestionSlot
+from sumo_dist.dispatch.roundtrip import RoundTrip
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import unfollowable
 from sumo_dist.errors import Interrupted, SumoError, TaskError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -33,52 +39,61 @@ from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD, TICK, anchor_tick, plan_due
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
-from sumo_dist.wire.keys import unique_name
+from sumo_dist.wire.keys import checked_priority, unique_name
 from sumo_dist.wire.messages import EpisodeInfo, NoPlan, PlanMessage, Question
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
-SEND_MARGIN = 0.004  # wall time kept for the update and the plan's way to the robot [s]
+SEND_MARGIN = 0.004  # wall time kept for the update [s]
+SENT = 32  # plans that may be on their way to the robot, and wait there until they are due
 
 
-@dataclass(frozen=True)
-class OptimizerOptions:
+@dataclass(frozen=True, kw_only=True)
+class OptimizerOptions(Connection):
     """An optimizer.
 
     Attributes:
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose plans to make.
         engine: kind of rollout engine that workers must have, see rollout.make_engine.
         compensate: in realtime, plan from where the robot will be when the plan arrives.
         fit: in realtime, make fewer rollouts when the workers cannot do all of them in time.
+        priority: of the robot among those that its workers serve, from -9 to 9: they work for a
+            lower one when no higher one asks. Realtime goes before lockstep whatever it is.
     """
 
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
+    role: ClassVar[str] = "optimizer"
+
     engine: str = "auto"
     compensate: bool = True
     fit: bool = True
+    priority: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checked_priority(self.priority)
 
 
 def run(options: OptimizerOptions, stop: threading.Event) -> None:
     """Serve until told to stop."""
     _, build = engine_identity(options.engine)
-    with Bus.dial(options.connect, options.robot) as bus, ExitStack() as stack:
-        tell = teller(bus, "optimizer")
-        evaluator = RemoteEvaluator(bus, build, stop, tell)
+    with options.dial() as bus, ExitStack() as stack:
+        name, tell = unique_name(), teller(bus, "optimizer")
+        evaluator = RemoteEvaluator(bus, name, build, stop, tell, options.priority)
         inbox = QuestionSlot(bus)
         service = stack.enter_context(OptimizerServer(options, bus, evaluator, tell))
-        more = partial(evaluator.workers.publish_health, bus)
+        more = partial(evaluator.workers.publish_health, bus, name)
         stack.enter_context(Heartbeat(bus, "optimizer", service.health, more))
-        bus.announce("optimizer", unique_name(), build)
+        bus.announce("optimizer", name, build)
         while not stop.is_set():
             info, question = inbox.wait(timeout=0.1)
             try:
                 if info is not None:
                     service.enter(info)
                 if question is not None:
-                    service.handle(question)
+                    service.handle(question, inbox.arrived)
             except Interrupted:
                 return
             except TaskError as error:
@@ -102,7 +117,7 @@ class OptimizerServer:
         self._engine: Engine | None = None  # of this process, see `_here`
         self._planner: Planner | None = None
         self._refused = 0  # questions and episodes that made no sense
-        self._delay_s = 0.0  # smoothed wall time from a state to its plan
+        self._delay_s = 0.0  # smoothed wall time that a plan takes
         self._forget()
 
     def _forget(self) -> None:
@@ -110,6 +125,8 @@ class OptimizerServer:
         self._complained = False  # of a question that makes no sense
         self._last: PlanMessage | None = None
         self._last_clock, self._last_state = "", np.empty(0)  # what the last plan was made for
+        self._way = RoundTrip()  # from here to the robot and back
+        self._sent: deque[Plan] = deque(maxlen=SENT)  # in realtime
         self._failing = False
         self._no_plan = ""  # why there will be none
         self._fewer = False  # rollouts than configured
@@ -172,8 +189,12 @@ class OptimizerServer:
             }
         return "failing" if self._failing else self._last_clock or "waiting", counters
 
-    def handle(self, question: Question) -> None:
+    def handle(self, question: Question, arrived: float) -> None:
         """Make and publish the plan that is asked for, or repeat the one that was missed.
+
+        Args:
+            question: what a plan depends on.
+            arrived: time.monotonic() at which it came.
 
         Raises:
             SumoError: state, memory, plan, weights or settings are not of this robot's episode.
@@ -189,9 +210,10 @@ class OptimizerServer:
         self._check(self._problem, question)
         planner = self._turn_to(PlannerConfig.from_settings(question.settings))
         if question.clock == "realtime":
-            number = self._target(question)
+            self._way.heard(question.heard, question.held_ms * 1e-3, arrived)
+            number = self._target(question, arrived)
             if number is not None:
-                self._plan_realtime(planner, question, number)
+                self._plan_realtime(planner, question, number, arrived)
         elif self._is_repeated(question):
             assert self._last is not None, "else nothing is repeated"
             self._bus.publish(self._last)
@@ -227,7 +249,8 @@ class OptimizerServer:
             if self._planner is not None and options != planning_options(self._planner.config):
                 self._problem = Problem.build(self._problem.task, options)
                 self._close()
-            self._planner = Planner(settings, self._problem.task.actions, self._seed)
+            guide = make_guide(self._problem, settings)
+            self._planner = Planner(settings, self._problem.task.actions, self._seed, guide)
         return self._planner
 
     def _close(self) -> None:
@@ -252,40 +275,56 @@ class OptimizerServer:
         )
         self._publish(self._make(planner, request, began), question)
 
-    def _plan_realtime(self, planner: Planner, question: Question, number: int) -> None:
-        began = time.perf_counter()
-        budget = PLAN_PERIOD / question.speed - SEND_MARGIN
-        deadline = time.monotonic() + budget
+    def _plan_realtime(
+        self, planner: Planner, question: Question, number: int, arrived: float
+    ) -> None:
+        began, now = time.perf_counter(), time.monotonic()
+        period, paces = PLAN_PERIOD / question.speed, self._evaluator.workers.asked().values()
+        budget = periods(paces, period * 1e3, SEND_MARGIN * 1e3) * period - SEND_MARGIN
         tick, start, memory = anchor_tick(number), question.state, question.memory
-        previous = self._following(question)
-        if previous is not None:
+        plans = self._followed(question)
+        if plans:
             assert self._problem is not None, "handle() has seen to it"
             start, memory = roll_forward(
-                *(self._here(), self._problem.task.actions, previous),
+                *(self._here(), self._problem.task.actions, plans),
                 *(question.tick, tick, start, memory),
             )
+        previous = plans[-1] if plans else None
         request = PlanRequest(number, tick, start, memory, previous, self._cost(question))
-        rollouts = self._fitted(planner.config, budget)
-        made = self._make(planner, request, began, question.speed, rollouts, deadline)
-        self._delay_s = 0.8 * self._delay_s + 0.2 * made.plan_ms * 1e-3
-        self._publish(made, question)
+        rollouts = self._fitted(planner.config, paces, budget)
+        made = self._make(planner, request, began, rollouts, now + budget)
+        took = made.plan_ms * 1e-3
+        new = (
+            0.5 if took > self._delay_s else 0.2
+        )  # a plan too far ahead harms less than a late one
+        self._delay_s += new * (took - self._delay_s)
+        age = now - arrived + made.plan_ms * 1e-3 + self._way.seconds
+        self._publish(replace(made, age_ticks=round(age * question.speed / TICK)), question)
+        self._sent.append(made.plan)
+        self._way.sent(number, time.monotonic())
 
-    def _following(self, question: Question) -> Plan | None:
-        """The plan the robot will follow from now on: the newest that was sent to it."""
-        sent = self._last.plan if self._last and self._last_clock == "realtime" else None
-        if sent is not None and (question.tick - sent.tick) * TICK > sent.horizon:
-            sent = None  # it has run out, or the robot has stopped since
+    def _followed(self, question: Question) -> list[Plan]:
+        """Plans that the robot will follow from now on, in turn: its own, and those sent since."""
         followed = question.followed
-        if sent is not None and (followed is None or sent.number > followed.number):
-            return sent
-        return followed
+        own = -1 if followed is None else followed.number
+        sent = [  # but for those that have run out: the robot has stopped since
+            plan
+            for plan in self._sent
+            if plan.number > own and (question.tick - plan.tick) * TICK <= plan.horizon
+        ]
+        return sent if followed is None else [followed, *sent]
 
-    def _target(self, question: Question) -> int | None:
-        """Number of the plan to make from a realtime question, None if it is not time for one."""
+    def _target(self, question: Question, arrived: float) -> int | None:
+        """Number of the plan to make from a realtime question, None if it is not time for one.
+
+        It is the first one that is due when the robot will have it.
+        """
         if question.speed <= 0:
             return None
-        ahead = round(self._delay_s * question.speed / TICK) if self._options.compensate else 0
-        tick = question.tick + ahead
+        tick = question.tick
+        if self._options.compensate:
+            waits = time.monotonic() - arrived + self._delay_s + self._way.seconds
+            tick += round(waits * question.speed / TICK)
         number = plan_due(tick)
         while number is None and self._options.compensate:
             tick += 1
@@ -295,14 +334,13 @@ class OptimizerServer:
             last = self._last.plan.number
         return number if number is not None and number > last else None
 
-    def _fitted(self, settings: PlannerConfig, budget: float) -> int | None:
+    def _fitted(
+        self, settings: PlannerConfig, paces: Collection[Pace], budget: float
+    ) -> int | None:
         """Rollouts that the workers manage in the time there is [s]; None for all."""
         if not self._options.fit:
             return None
-        rollouts, most = (
-            fitted(settings, self._evaluator.workers.pace, budget * 1e3),
-            settings.rollouts,
-        )
+        rollouts, most = fitted(settings, paces, budget * 1e3), settings.rollouts
         if (rollouts < most) != self._fewer:
             self._fewer = rollouts < most
             how = (
@@ -318,7 +356,6 @@ class OptimizerServer:
         planner: Planner,
         request: PlanRequest,
         began: float,
-        speed: float = 0.0,
         rollouts: int | None = None,
         deadline: float | None = None,
     ) -> PlanReport:
@@ -334,7 +371,6 @@ class OptimizerServer:
             own_ms=plan_ms - self._evaluator.waited_s * 1e3,
             reissued=self._evaluator.reissued,
             workers=len(self._evaluator.workers),
-            age_ticks=round(plan_ms * 1e-3 * speed / TICK),
         )
 
     def _blame(self, planner: Planner, request: PlanRequest) -> None:

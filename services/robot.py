@@ -9,6 +9,7 @@ import time
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from sumo_dist.dispatch.robot_link import RobotLink
 from sumo_dist.episode.assemble import Episode
@@ -24,20 +25,21 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.priority import goes_first
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.events import Tell, teller
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.messages import EpisodeInfo
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 
-@dataclass(frozen=True)
-class RobotOptions:
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions(Connection):
     """A robot, here a simulated one.
 
     Attributes:
         episode: what to do first.
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: its name on the bus.
         out: folder for run.npz and summary.json, by default a new one below runs/; later episodes
             of the session have their files in episode-2 and so on below it.
@@ -48,9 +50,9 @@ class RobotOptions:
         stay: after an episode has ended, wait for a reset or another task until interrupted.
     """
 
+    role: ClassVar[str] = "robot"
+
     episode: EpisodeConfig
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
     out: Path | None = None
     speed: float | None = None
     wait: float = 30.0
@@ -60,7 +62,7 @@ class RobotOptions:
 
 def run(options: RobotOptions, stop: threading.Event) -> int:
     """Run episodes, write their recordings and summaries, return the last one's exit code."""
-    with Bus.dial(options.connect, options.robot, run=uuid.uuid4().hex[:12]) as bus:
+    with options.dial(run=uuid.uuid4().hex[:12]) as bus:
         return Session(options, bus, stop).run()
 
 

@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
-from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.keys import Member, unique_name
+from sumo_dist.wire.bus import SHOUT
+from sumo_dist.wire.connection import Connection
+from sumo_dist.wire.keys import ANY, INSECURE, ROUTER, WORKER, Member, unique_name
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -34,7 +36,6 @@ from sumo_dist.wire.messages import (
     Traces,
 )
 from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not have it
     from sumo_dist.view.run_logger import Level, RunLogger
@@ -63,8 +64,8 @@ _LAST_WORDS_S = 1.0  # how long messages are still taken after the stop
 _log = logging.getLogger("sumo_dist.tracer")
 
 
-@dataclass(frozen=True)
-class TracerOptions:
+@dataclass(frozen=True, kw_only=True)
+class TracerOptions(Connection):
     """A tracer.
 
     Attributes:
@@ -72,15 +73,16 @@ class TracerOptions:
             left alone, and the next number taken. Later episodes of a session have theirs in
             episode-2 and so on below it.
         connect: the router's endpoint.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose episodes to show.
         viewer: "web", "native" or "none".
         linger: stay after the last episode of a session, for the next robot's as well, until told
             to stop or the viewer is closed.
     """
 
+    role: ClassVar[str] = "tracer"
+
     out: Path | None = None
-    connect: str = DEFAULT_ENDPOINT
-    robot: str = "spot"
     viewer: str = "web"
     linger: bool = False
 
@@ -263,8 +265,8 @@ class Tracer:
                 if item.source == "robot":
                     logger.log_mode(max(self._tick, 0), item.mode)
             case WorkerHealth():
-                told = item.worker, item.state, item.rollouts_per_s
-                logger.log_worker(max(self._tick, 0), *told)
+                for told in item.told:
+                    logger.log_worker(max(self._tick, 0), *told[:3])
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
             case Ack():
@@ -309,13 +311,20 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
     """
     need("view", "the tracer")
     backlog = Backlog()
-    with Bus.dial(options.connect, options.robot) as bus:
+    with options.dial() as bus:
         # Listen first: by the time that Rerun is loaded, the run may have begun.
         for kind in SHOWN:
-            bus.subscribe(kind, backlog.put)
-        bus.watch("worker", lambda member, alive: backlog.put(Presence(member, alive)))
+            bus.subscribe(kind, backlog.put, address=bus.robot if kind is Traces else ANY)
+        bus.watch(WORKER, lambda member, alive: backlog.put(Presence(member, alive)))
+        bus.watch(ROUTER, partial(_show_insecure, backlog))
         bus.announce("tracer", unique_name())
         _trace(options, backlog, stop)
+
+
+def _show_insecure(backlog: Backlog, router: Member, alive: bool) -> None:
+    """Show in the view, too, that the router is open to everybody."""
+    if alive and router.build == INSECURE:
+        backlog.put(Event("", ROUTER, "warning", SHOUT))
 
 
 def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> None:

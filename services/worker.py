@@ -6,33 +6,37 @@ A worker is started for no task: the first request names one, and it compiles th
 import logging
 import threading
 import time
-from collections import deque
-from dataclasses import dataclass, field
-from typing import Self
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Self
 
 import numpy as np
+import tyro
 
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.dispatch.workers import misfit
 from sumo_dist.errors import SumoError, TaskError, UsageError
-from sumo_dist.model.scene import ModelOptions
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.evaluate import Evaluation, Evaluator
-from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.planner.evaluate import Evaluation
+from sumo_dist.planner.problem import planning_options
 from sumo_dist.priority import lower_priority
 from sumo_dist.rollout import engine_identity
-from sumo_dist.rollout.interface import Engine
+from sumo_dist.services.compiled import CompiledProblems
+from sumo_dist.services.inbox import Inbox
 from sumo_dist.services.serving import Serving
-from sumo_dist.tasks import load_task
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.finding import Place, Search, only
+from sumo_dist.wire.connection import keys_for
+from sumo_dist.wire.finding import Search, only_router
 from sumo_dist.wire.health import Counters, Heartbeat
-from sumo_dist.wire.keys import checked_name, unique_name
+from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
-from sumo_dist.wire.session import no_router
 
 ROUTER_WAIT_S = 10.0  # a worker may be started before the router
-LOOK_S = 0.5  # between two looks for a robot
+LOOK_S = 0.5  # between two looks for a router
+DRAIN_S = 3.0  # that a worker which is told to stop goes on answering, at most
+QUIET_S = 0.1  # nobody has asked for so long: those who know it have heard that it leaves
+ASKED_S = 5.0  # who has asked within this time is told that it leaves
 
 log = logging.getLogger("sumo_dist.worker")
 
@@ -42,20 +46,25 @@ class WorkerOptions:
     """A worker.
 
     Attributes:
-        connect: the router's endpoint; by default that of the run on this machine.
-        robot: whose plans to work for; by default those of the robot that is there.
+        connect: the router's endpoint; by default that of the router on this machine. All robots
+            there are served.
+        keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         name: unique among the workers; by default host and process.
-        threads: rollout threads.
+        threads: rollout threads. A worker of one thread a core is as fast as one of many threads,
+            and what it is late with, or lost with it, is less.
         engine: kind of rollout engine, see rollout.make_engine.
+        trust: task files that it may run, or folders of such. Tasks by name need none: they are of
+            what is installed.
         give_way: let other programs of this machine go first; with --no-give-way rollouts stay
             faster beside them, and they become slower.
     """
 
     connect: str | None = None
-    robot: str | None = None
+    keys: Path | None = None
     name: str = field(default_factory=unique_name)
     threads: int = 1
     engine: str = "auto"
+    trust: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     give_way: bool = True
 
     def __post_init__(self) -> None:
@@ -73,131 +82,112 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
         aloud: say whom it serves; in a run with many workers the optimizer speaks for them.
 
     Raises:
-        SumoError: another worker has the name, or the optimizer is of another build.
+        SumoError: there is no router, or another worker has the name.
     """
     _, build = engine_identity(options.engine)
     if options.give_way:
         lower_priority()
-    place, inbox = _place(options, stop), Inbox()
-    if place is None:
+    keys = keys_for(options.connect, options.keys, WORKER)
+    endpoint, inbox = _router(options, stop), Inbox()
+    if endpoint is None:
         return
-    serving = Serving(place, options.threads, aloud)
+    serving = Serving(endpoint, options.threads, aloud)
     with (
-        Bus.dial(place.endpoint, place.robot, timeout=ROUTER_WAIT_S) as bus,
+        Bus.dial(endpoint, POOL, timeout=ROUTER_WAIT_S, keys=keys) as bus,
         EvaluatorCache(options) as evaluators,
         Heartbeat(bus, options.name, evaluators.health),
     ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
-        optimizers = bus.watch("optimizer")
-        _claim_the_name(bus, options.name, place)
-        bus.announce("worker", options.name, build)
-        while not stop.is_set():
-            for optimizer in optimizers.now:
-                if reason := misfit(optimizer, build):
-                    raise SumoError(f"this worker does not fit the optimizer: {reason}")
-            request = inbox.get(timeout=0.1)
+        optimizers = bus.watch("optimizer", partial(_say_misfit, build))
+        _claim_the_name(bus, options.name, endpoint)
+        bus.announce(WORKER, options.name, build)
+        drain = Drain(inbox, bus, evaluators)
+        while not (stop.is_set() and drain.over()):
+            request = inbox.get(timeout=0.1 if not stop.is_set() else QUIET_S)
             if request is None:
                 serving.idle(optimizers.now)
                 continue
             reply, traces = evaluators.answer(request)
-            bus.publish(reply)
+            bus.publish(replace(reply, leaving=stop.is_set()))
             serving.answered(request, reply)
             if traces is not None:
                 bus.publish(traces)
 
 
-def _place(options: WorkerOptions, stop: threading.Event) -> Place | None:
-    """Wait for the robot to work for; None if told to stop.
+class Drain:
+    """The end of a worker that was told to stop: it is asked no more and answers what it was."""
+
+    def __init__(self, inbox: Inbox, bus: Bus, evaluators: "EvaluatorCache") -> None:
+        """Prepare."""
+        self._inbox, self._bus, self._evaluators = inbox, bus, evaluators
+        self._deadline: float | None = None  # time.monotonic()
+
+    def over(self) -> bool:
+        """Whether nothing is left to answer. The first call tells those who have asked of late."""
+        now = time.monotonic()
+        if self._deadline is None:
+            self._deadline = now + DRAIN_S
+            for request in self._inbox.last(ASKED_S):
+                self._bus.publish(self._evaluators.nothing(request, leaving=True))
+        return now > self._deadline or not self._inbox.last(QUIET_S)
+
+
+def _router(options: WorkerOptions, stop: threading.Event) -> str | None:
+    """Wait for a router; return its endpoint, None if told to stop.
 
     Raises:
-        SumoError: there is no router.
-        UsageError: there are several robots.
+        SumoError: there is none.
+        UsageError: there are several on this machine.
     """
-    search = Search(options.connect, options.robot)
-    waiting, began = False, time.monotonic()
-    while search.known is None and not stop.is_set():
-        look = search.look()
-        if look.places:
-            return only(look.places)
-        if look.routers and not waiting:
-            waiting = True
-            log.info("%s; waiting for one", search.nobody(look))
-        if not waiting and time.monotonic() > began + ROUTER_WAIT_S:
-            if options.connect is not None:
-                raise no_router(options.connect, ROUTER_WAIT_S)
-            raise SumoError(f"{search.nobody(look)} (waited {ROUTER_WAIT_S:g} s)")
+    began = time.monotonic()
+    while options.connect is None and not stop.is_set():
+        if routers := Search().look().routers:
+            return only_router(routers)
+        if time.monotonic() > began + ROUTER_WAIT_S:
+            raise SumoError(
+                f"no router on this machine (waited {ROUTER_WAIT_S:g} s): --connect names one "
+                "elsewhere"
+            )
         stop.wait(LOOK_S)
-    return search.known
+    return options.connect
 
 
-def _claim_the_name(bus: Bus, name: str, place: Place) -> None:
+def _say_misfit(build: str, optimizer: Member, alive: bool) -> None:
+    """Say that an optimizer will not ask this worker, and why."""
+    if alive and (reason := misfit(optimizer, build)):
+        log.warning("optimizer %s cannot be served: %s", optimizer.id, reason)
+
+
+def _claim_the_name(bus: Bus, name: str, endpoint: str) -> None:
     """Be the worker of this name: two of one name would answer each other's requests."""
-    if not bus.watch("worker").vacant(lambda member: member.id == name):
+    if not bus.watch(WORKER).vacant(lambda member: member.id == name):
         raise SumoError(
-            f"a worker named {name!r} is at {place.endpoint} already: give this one another --name"
+            f"a worker named {name!r} is at {endpoint} already: give this one another --name"
         )
 
 
-class Inbox:
-    """Requests still worth answering: those of the newest plan, within their budget of time."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self._arrived = threading.Condition()
-        self._waiting: deque[tuple[float, RolloutRequest]] = deque()
-
-    def put(self, request: RolloutRequest) -> None:
-        """Take a request; what was asked for an earlier plan or another run is forgotten."""
-        plan = (request.run, request.number, request.iteration)
-        with self._arrived:
-            newest = [w for _, w in self._waiting if (w.run, w.number, w.iteration) == plan]
-            if self._waiting and not newest:
-                last = self._waiting[-1][1]
-                if last.run == request.run and last.order > request.order:
-                    return
-                self._waiting.clear()
-            self._waiting.append((time.monotonic(), request))
-            self._arrived.notify()
-
-    def get(self, timeout: float) -> RolloutRequest | None:
-        """Return the next request, waiting up to timeout [s]."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: bool(self._waiting), timeout)
-            while self._waiting:
-                arrived, request = self._waiting.popleft()
-                late = (time.monotonic() - arrived) * 1e3 > request.reply_budget_ms
-                if request.reply_budget_ms == 0 or not late:
-                    return request
-            return None
-
-
 class EvaluatorCache:
-    """The problem that is worked on, and the newest answers, in case they are asked for again."""
+    """Answers requests with the problems that are compiled."""
 
     def __init__(self, options: WorkerOptions) -> None:
         """Start with no task."""
         self._options = options
-        self._source: tuple[str, ModelOptions] | None = None  # task, what its model depends on
-        self._problem: Problem | None = None
-        self._engine: Engine | None = None
-        self._evaluator: Evaluator | None = None
-        self._config: PlannerConfig | None = None
-        self._plan: tuple[str, int, int] | None = None
-        self._answers: dict[bytes, tuple[Evaluation, float]] = {}
+        self._problems = CompiledProblems(options.threads, options.engine, options.trust)
+        self._task = ""  # the last one
         self._done = self._refusals = 0  # requests answered and refused
         self._busy_ms = 0.0
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
-        task = self._source[0] if self._source else ""
-        counters = {"answered": self._done, "refused": self._refusals, "task": task}
+        counters = {"answered": self._done, "refused": self._refusals, "task": self._task}
         return "worker", {**counters, "busy s": round(self._busy_ms / 1e3, 1)}
 
     def __enter__(self) -> Self:
+        self._problems.__enter__()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._close()
+    def __exit__(self, *error: object) -> None:
+        self._problems.__exit__(*error)
 
     def answer(self, request: RolloutRequest) -> tuple[RolloutReply, Traces | None]:
         """Roll out a shard; what cannot be done is a reply that says why."""
@@ -205,15 +195,15 @@ class EvaluatorCache:
             evaluation, compute_ms = self._evaluate(request)
         except SumoError as error:
             self._refusals += 1
-            nothing = np.empty((0, 0)), np.empty(0, bool)
             own = isinstance(error, TaskError)
-            return self._reply(request, *nothing, refusal=str(error), task_fails=own), None
+            return self.nothing(request, refusal=str(error), task_fails=own), None
         self._done, self._busy_ms = self._done + 1, self._busy_ms + compute_ms
         valid = evaluation.valid & np.isfinite(evaluation.terms).all(axis=1)
         terms = np.where(valid[:, None], evaluation.terms, 0.0)
         traces = Traces(
             request.run,
             self._options.name,
+            request.robot,
             request.number,
             request.iteration,
             request.start,
@@ -221,67 +211,38 @@ class EvaluatorCache:
         )
         return self._reply(request, terms, valid, compute_ms), traces
 
+    def nothing(self, request: RolloutRequest, **changes: Any) -> RolloutReply:
+        """Return a reply without costs."""
+        reply = self._reply(request, np.empty((0, 0)), np.empty(0, bool), 0.0)
+        return replace(reply, **changes)
+
     def _evaluate(self, request: RolloutRequest) -> tuple[Evaluation, float]:
-        evaluator = self._prepare(request)
-        assert self._problem is not None, "it was compiled"
-        table = self._problem.task.table
+        config = PlannerConfig.from_settings(request.settings)
+        if (rows := len(request.knots)) > config.rollouts:
+            raise SumoError(f"{rows} rows of a plan of {config.rollouts} rollouts")
+        options = planning_options(config)
+        compiled = self._problems.get(request.task, options, request.task_hash)
+        self._task = request.task
+        table = compiled.problem.task.table
         table.check(CostSettings(table.defaults.weights, request.parameters))
-        plan = (request.run, request.number, request.iteration)
-        if plan != self._plan:
-            self._plan, self._answers = plan, {}
+        plan = request.run, request.number, request.iteration, config
+        answers = compiled.answers(request.asker, plan)
         # A number may be asked for twice with another content: by a restarted optimizer.
         question = request.state, request.memory, request.parameters, request.knots
         content = b"".join(array.tobytes() for array in question)
-        if content not in self._answers:
+        if content not in answers:
             began = time.perf_counter()
-            evaluation = evaluator(*question)
-            self._answers[content] = evaluation, (time.perf_counter() - began) * 1e3
-        return self._answers[content]
-
-    def _prepare(self, request: RolloutRequest) -> Evaluator:
-        """Compile what the request is about, unless that is what the last one was about."""
-        config = PlannerConfig.from_settings(request.settings)
-        source = request.task, planning_options(config)
-        if source != self._source or self._hash() != request.task_hash:  # or its files changed
-            self._compile(*source)
-        if self._hash() != request.task_hash:
-            raise SumoError(
-                f"its {request.task} has hash {self._hash()}, the optimizer's has "
-                f"{request.task_hash}: the task's files differ between the hosts"
-            )
-        if self._evaluator is None or config != self._config:
-            assert self._problem is not None and self._engine is not None, "it was compiled"
-            self._evaluator = Evaluator(self._problem, self._engine, config)
-            self._config, self._answers = config, {}
-        return self._evaluator
-
-    def _hash(self) -> str:
-        return self._problem.hash if self._problem is not None else ""
-
-    def _compile(self, task: str, options: ModelOptions) -> None:
-        self._close()
-        self._problem = Problem.build(load_task(task), options)
-        self._engine = self._problem.engine(self._options.threads, self._options.engine)
-        self._source = task, options
-
-    def _close(self) -> None:
-        if self._engine is not None:
-            self._engine.close()
-        self._source = self._problem = self._engine = self._evaluator = self._plan = None
-        self._answers = {}
+            evaluation = compiled.evaluator(config)(*question)
+            answers[content] = evaluation, (time.perf_counter() - began) * 1e3
+        return answers[content]
 
     def _reply(
-        self,
-        request: RolloutRequest,
-        terms: np.ndarray,
-        valid: np.ndarray,
-        compute_ms: float = 0.0,
-        refusal: str = "",
-        task_fails: bool = False,
+        self, request: RolloutRequest, terms: np.ndarray, valid: np.ndarray, compute_ms: float
     ) -> RolloutReply:
         return RolloutReply(
             run=request.run,
             worker=self._options.name,
+            asker=request.asker,
             number=request.number,
             iteration=request.iteration,
             shard=request.shard,
@@ -289,6 +250,7 @@ class EvaluatorCache:
             terms=terms,
             valid=valid,
             compute_ms=compute_ms,
-            refusal=refusal,
-            task_fails=task_fails,
+            refusal="",
+            task_fails=False,
+            threads=self._options.threads,
         )

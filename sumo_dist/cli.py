@@ -67,6 +67,21 @@ COMMANDS = {
     "doctor": Command(
         "Say what works on this machine and what does not", "sumo_dist.commands.doctor"
     ),
+    "keys init": Command(
+        "Make an authority of your own", "sumo_dist.commands.keys", "InitOptions", "init"
+    ),
+    "keys host": Command(
+        "Issue keys for a host's roles", "sumo_dist.commands.keys", "HostOptions", "host"
+    ),
+    "keys renew": Command(
+        "Prolong a host's keys", "sumo_dist.commands.keys", "RenewOptions", "renew"
+    ),
+    "keys revoke": Command(
+        "End a host's keys", "sumo_dist.commands.keys", "RevokeOptions", "revoke"
+    ),
+    "keys show": Command(
+        "Say what was issued, and until when", "sumo_dist.commands.keys", "ShowOptions", "show"
+    ),
     "bench rollout": Command("Time the rollout engines", "sumo_dist.bench.measure.rollout"),
     "bench model": Command(
         "Compare planning models: what each costs and finds", "sumo_dist.bench.measure.model"
@@ -89,6 +104,9 @@ COMMANDS = {
         "Measure how far the estimated state is off", "sumo_dist.bench.measure.estimator"
     ),
     "bench latency": Command("Count successes with late plans", "sumo_dist.bench.measure.latency"),
+    "bench links": Command(
+        "Measure what slow and lossy links cost", "sumo_dist.bench.measure.links"
+    ),
     "bench jitter": Command(
         "Time how late the robot's commands are", "sumo_dist.bench.measure.jitter"
     ),

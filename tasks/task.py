@@ -126,9 +126,30 @@ class Task:
                 f'{{"horizon": 2.5}}, got {self.planner!r}'
             )
         try:
-            PlannerConfig.resolve(self.planner)
+            self.check_settings(PlannerConfig.resolve(self.planner))
         except UsageError as error:
             raise UsageError(f"{what}: planner: {error}") from None
+
+    def check_settings(self, settings: PlannerConfig) -> None:
+        """See that the task has what the planner's settings ask of it.
+
+        Raises:
+            UsageError: they ask for guidance, and it has no object with a goal, or no such base.
+        """
+        if settings.guidance == "none":
+            return
+        why = ""
+        if self.goal is None:
+            why = "it has no goal"
+        elif not self.goal_object:
+            why = f"its goal is for {self.goal_frame!r}, which is no object that moves freely"
+        elif self.actions.base.sum() != 3:
+            why = "its actions do not search the base's velocities x, y and yaw"
+        if why:
+            raise UsageError(
+                f"guidance={settings.guidance} is not for task {self.name!r}: {why}; "
+                "valid here: guidance=none"
+            )
 
     @cached_property
     def table(self) -> CostTable:
@@ -150,6 +171,13 @@ class Task:
         if isinstance(self.goal, Goal):
             return self.goal.frame
         return next(iter(self.movers), "base")
+
+    @property
+    def goal_object(self) -> str:
+        """The object of the scene that should come to the goal, "" if it is none of them."""
+        element = self.frames[self.goal_frame].name if self.goal is not None else ""
+        names = [thing.name for thing in self.scene.objects]
+        return next((n for n in names if element == n or element.startswith(f"{n}/")), "")
 
     def goal_position(self, p: Parameters) -> np.ndarray | None:
         """Where the goal is, (3,) world [m]; None if there is none."""

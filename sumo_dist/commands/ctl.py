@@ -6,6 +6,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, get_args
 
 import tyro
@@ -14,6 +15,7 @@ from sumo_dist.episode.command import Verb
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.provenance import user_name
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.finding import ROUTER_S, Look, Place, Search
 from sumo_dist.wire.notices import Ack, CommandMessage
 from sumo_dist.wire.session import nobody_listens
@@ -43,12 +45,14 @@ class StopOptions:
 
     Attributes:
         connect: a router's endpoint; by default all of this user's on this machine.
+        keys: folder from `sumo-dist keys host`, for a router with TLS.
         robot: its name on the bus; by default every robot that is found: who calls for a stop may
             not know names, and one robot too many that sits down costs less than one too few.
         reason: for the people who ask later.
     """
 
     connect: str | None = None
+    keys: Path | None = None
     robot: str | None = None
     reason: str = ""
 
@@ -59,10 +63,12 @@ class Options:
 
     Attributes:
         connect: the router's endpoint; by default that of the run that is here.
+        keys: folder from `sumo-dist keys host`, for a router with TLS.
         robot: its name on the bus; by default the one that is there.
     """
 
     connect: str | None = None
+    keys: Path | None = None
     robot: str | None = None
 
 
@@ -74,21 +80,26 @@ class CtlOptions:
         words: what to do: pause, resume, step [TICKS], reset [SEED], task TASK [SEED], weight
             NAME=VALUE, parameter NAME=VALUE, planner NAME=VALUE, stop [REASON...] or stand.
         connect: the router's endpoint; by default that of the run that is here.
+        keys: folder from `sumo-dist keys host`, for a router with TLS.
         robot: its name on the bus; by default the one that is there.
     """
 
     words: Annotated[tuple[str, ...], tyro.conf.Positional]
     connect: str | None = None
+    keys: Path | None = None
     robot: str | None = None
 
 
 def stop(options: StopOptions) -> int:
     """Make robots sit down, whatever they do; 3 if one did not answer."""
-    search = Search(options.connect, options.robot)
+    search = _search(options)
     look = _robots(search)
     failed = bool(look.silent)
     with ThreadPoolExecutor(max(1, len(look.places))) as pool:
-        told = [pool.submit(_command, place, "stop", value=options.reason) for place in look.places]
+        told = [
+            pool.submit(_command, search, place, "stop", value=options.reason)
+            for place in look.places
+        ]
         for answer in as_completed(told):
             try:
                 print(answer.result(), flush=True)
@@ -122,7 +133,8 @@ def _robots(search: Search) -> Look:
 
 def resume(options: Options) -> int:
     """Let a robot that has stopped get up and go on."""
-    print(_command(Search(options.connect, options.robot).one(), "stand"))
+    search = _search(options)
+    print(_command(search, search.one(), "stand"))
     return 0
 
 
@@ -132,9 +144,14 @@ def main(options: CtlOptions) -> int:
         raise unknown("command", " ".join(options.words[:1]), get_args(Verb))
     verb, *words = options.words
     name, value = _parsed(verb, words)
-    place = Search(options.connect, options.robot).one()
-    print(_command(place, verb, name, value))  # pyright: ignore[reportArgumentType]
+    search = _search(options)
+    print(_command(search, search.one(), verb, name, value))  # pyright: ignore[reportArgumentType]
     return 0
+
+
+def _search(options: StopOptions | Options | CtlOptions) -> Search:
+    keys = keys_for(options.connect, options.keys, "operator")
+    return Search(options.connect, options.robot, keys)
 
 
 def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
@@ -157,14 +174,14 @@ def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
     return "", words[0] if words else ""
 
 
-def _command(place: Place, verb: Verb, name: str = "", value: str = "") -> str:
+def _command(search: Search, place: Place, verb: Verb, name: str = "", value: str = "") -> str:
     """Send a command until the robot answers; return what came of it."""
     user = re.sub(r"[^A-Za-z0-9-]", "-", user_name()).strip("-")[:40] or "somebody"
     sender = f"{user}-{secrets.token_hex(3)}"
     message = CommandMessage("any", 0, sender, verb, name, value)
     if nobody_listens(place.endpoint):
         raise SumoError(f"{place} cannot be told to {verb}: no router answers there")
-    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S) as bus:
+    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S, keys=search.keys) as bus:
         answers = bus.newest(Ack, address=sender)
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -125,6 +126,33 @@ def zenoh() -> Finding:
                     return Finding("fail", f"no answer in 1 s through a router on {endpoint}")
             took.append(time.perf_counter() - began)
     return Finding("ok", f"round trip {statistics.median(took) * 1e3:.2f} ms through a router")
+
+
+def keys() -> Finding:
+    """Is there an authority here, and is everything that it has issued good for a while."""
+    from sumo_dist.authority.folder import SOON_DAYS
+    from sumo_dist.authority.store import Authority, home_of
+
+    home = home_of(None)
+    if not (home / "authority").exists():
+        return Finding("ok", f"no authority in {home}: only what leaves this machine needs keys")
+    authority = Authority(home)
+    newest = {(one.host, one.role): one for one in authority.issued() if not one.revoked}
+    ends = {
+        f"{host}'s {role}": datetime.fromisoformat(one.expires)
+        for (host, role), one in newest.items()
+    }
+    ends["the authority"] = authority.ca.expires
+    now = datetime.now(UTC)
+    first = min(ends, key=lambda name: ends[name])
+    text = f"{len(newest)} certificates of {home}: {first} ends first, on {ends[first]:%Y-%m-%d}"
+    if ends[first] > now + timedelta(days=SOON_DAYS):
+        return Finding("ok", text)
+    over = ", ".join(sorted(name for name, end in ends.items() if end <= now))
+    hint = "`sumo-dist keys renew HOST`"
+    if over:
+        return Finding("warn", f"expired: {over}; {hint}, or `revoke` what is not used")
+    return Finding("warn", f"{text}: {hint}")
 
 
 def rerun() -> Finding:
@@ -254,6 +282,7 @@ CHECKS: dict[str, Callable[[], Finding]] = {
     "engine": engine,
     "policies": policies,
     "zenoh": zenoh,
+    "keys": keys,
     "rerun": rerun,
     "films": films,
     "rendering": rendering,

@@ -23,6 +23,7 @@ from sumo_dist.signals import uninterrupted
 from sumo_dist.startup import INTERRUPTED
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
+from sumo_dist.wire.keys import checked_priority, checked_robot
 
 VIEWERS = ("web", "native", "none")
 
@@ -35,8 +36,8 @@ class Options:
         task: what to do: a name, `sumo-dist list` has all, or a file that defines task() -> Task.
         preset: the planner's settings to start from: default or paper.
         optimizer: one of those of `sumo-dist list`; by default the preset's.
-        workers: rollout worker processes; 0 plans in this process, without Zenoh. By default one
-            for each core.
+        workers: rollout worker processes on this machine; by default one for each core, with
+            --connect none. 0 plans in this process, without Zenoh, unless there is --connect.
         threads: rollout threads of each worker (of this process without workers).
         seed: decides the start and all noise.
         clock: lockstep (the robot waits for its plans) or realtime.
@@ -56,6 +57,19 @@ class Options:
         engine: auto, native, native-portable or fallback.
         listen: the router's endpoint, which workers of other hosts dial; port 0 takes a free one.
             By default tcp/127.0.0.1:7447, or a free port where another run has that.
+        connect: endpoint of a router that is there, in place of one of the run's own: its workers
+            are shared with the other robots there.
+        keys: folder of this host's keys, one folder a role (hosts/NAME of `sumo-dist keys`), for an
+            endpoint with TLS: of the role router to listen on tls/0.0.0.0:7448, say, where the
+            run's own services need none, and of all the others to join a router.
+        insecure: let anybody in without keys at a --listen beyond this machine: who reaches it
+            owns the robot.
+        robot: its name on the bus; robots at one router need different ones. By default the kind
+            of robot.
+        priority: of the robot among those that its workers serve, from -9 to 9: they work for a
+            lower one when no higher one asks.
+        trust: task files that the run's own workers may run besides the task, or folders of such,
+            for `sumo-dist ctl task`.
         wait: how long the robot waits for an answer before the run ends [s].
         resume_wait: how long a robot that has stopped in realtime waits for `sumo-dist resume`
             before the run ends [s].
@@ -83,6 +97,12 @@ class Options:
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
     listen: str | None = None
+    connect: str | None = None
+    keys: Path | None = None
+    insecure: bool = False
+    robot: str | None = None
+    priority: int = 0
+    trust: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     wait: float = 60.0
     resume_wait: float = 0.0
     stay: bool = False
@@ -103,7 +123,9 @@ class Options:
 
 def main(options: Options) -> int:
     """Run, print the one line, return the exit code."""
-    workers = cores() if options.workers is None else options.workers
+    _check_endpoints(options)
+    alone = cores() if options.connect is None else 0
+    workers = alone if options.workers is None else options.workers
     if not 0 <= workers <= 256:
         raise UsageError(f"workers must be from 0 to 256, got {workers}")
     threads = (1 if workers else cores()) if options.threads is None else options.threads
@@ -116,7 +138,7 @@ def main(options: Options) -> int:
     traced = (options.rrd or options.viewer != "none") and _has_view()
     with run_folder(options.out, _default_folder(episode)) as out:
         try:
-            if workers == 0:
+            if workers == 0 and options.connect is None:
                 code = _single(episode, threads, out, traced)
             else:
                 code = _distributed(options, episode, workers, threads, out, traced)
@@ -129,6 +151,33 @@ def main(options: Options) -> int:
     return code
 
 
+def _check_endpoints(options: Options) -> None:
+    if options.listen is not None and options.connect is not None:
+        raise UsageError("a run has a router of its own (--listen) or joins one (--connect)")
+    if options.connect is not None or options.listen is not None:
+        _check_way_in(options)
+    if options.robot is not None:
+        checked_robot(options.robot)
+    checked_priority(options.priority)
+
+
+def _check_way_in(options: Options) -> None:
+    # Zenoh is loaded where it is needed.
+    from sumo_dist.authority.certificates import ROLES
+    from sumo_dist.launch.launcher import listening
+    from sumo_dist.wire.connection import keys_for
+    from sumo_dist.wire.session import checked_endpoint, checked_open, is_secure, needed
+
+    if options.listen is not None:
+        endpoint, roles = listening(options.listen), ROLES[:1]
+        checked_open([endpoint], options.insecure)
+    else:
+        endpoint, roles = checked_endpoint(options.connect or ""), ROLES[1:-1]
+    if is_secure(endpoint):
+        for role in roles:
+            needed(keys_for(endpoint, options.keys and options.keys / role, role), endpoint)
+
+
 def _default_folder(episode: EpisodeConfig) -> Path:
     stamp, name = time.strftime("%Y%m%d-%H%M%S"), load_task(episode.task).name
     return Path(RUNS, f"{stamp}-{name.replace('/', '_')}-{episode.seed}")
@@ -137,6 +186,7 @@ def _default_folder(episode: EpisodeConfig) -> Path:
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
     task = load_task(episode.task)
+    task.check_settings(episode.planner)
     for remark in remarks(task.scene):
         say(remark)
     episode.cost(task)
@@ -166,7 +216,7 @@ def _has_view() -> bool:
 def _distributed(
     options: Options, episode: EpisodeConfig, workers: int, threads: int, out: Path, traced: bool
 ) -> int:
-    from sumo_dist.launch.deployment import Deployment, run_distributed
+    from sumo_dist.launch.deployment import Deployment, join, run_distributed
 
     deployment = Deployment(
         *(episode, workers, threads, out),
@@ -176,7 +226,14 @@ def _distributed(
         resume_wait=options.resume_wait,
         stay=options.stay,
         give_way=options.give_way,
+        robot=options.robot,
+        priority=options.priority,
+        trust=options.trust,
+        keys=options.keys and options.keys.absolute(),
+        insecure=options.insecure,
     )
+    if options.connect is not None:
+        return join(deployment, options.connect)
     return run_distributed(deployment, options.listen)
 
 

@@ -5,10 +5,12 @@ import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sumo_dist.errors import UsageError
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.finding import ROUTER_S, Search
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.notices import Health
@@ -23,6 +25,7 @@ class Options:
 
     Attributes:
         connect: the router's endpoint; by default that of the run that is here.
+        keys: folder from `sumo-dist keys host`, for a router with TLS.
         robot: its name on the bus; by default the one that is there.
         every: between two looks [s].
         times: how many looks; until Ctrl-C by default.
@@ -30,6 +33,7 @@ class Options:
     """
 
     connect: str | None = None
+    keys: Path | None = None
     robot: str | None = None
     every: float = 1.0
     times: int | None = None
@@ -86,8 +90,9 @@ class Board:
 
 def main(options: Options) -> int:
     """Show the services until told to stop."""
-    place = Search(options.connect, options.robot).one()
-    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S) as bus:
+    keys = keys_for(options.connect, options.keys, "operator", "tracer")
+    place = Search(options.connect, options.robot, keys).one()
+    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S, keys=keys) as bus:
         board, members = Board(), bus.watch()
         bus.subscribe(Health, board.take)
         looks = 0

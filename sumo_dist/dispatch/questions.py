@@ -1,6 +1,7 @@
 """The optimizer's side of the bus: what the robot asks, and of which episode."""
 
 import threading
+import time
 from dataclasses import replace
 
 from sumo_dist.wire.bus import Bus
@@ -13,11 +14,16 @@ class QuestionSlot:
     A realtime episode's speed counts once two questions in a row have said it: it decides how long
     a plan waits for lost answers, and where it is anchored, so one that is wrong would stop
     planning for as long as it says.
+
+    Attributes:
+        arrived: time.monotonic() at which the question that was handed out last has come.
     """
 
     def __init__(self, bus: Bus) -> None:
         """Subscribe."""
+        self.arrived = 0.0
         self._arrived = threading.Condition()
+        self._came = 0.0  # when the question that waits has
         self._info: EpisodeInfo | None = None
         self._question: Question | None = None
         self._heard = (-1, 0.0)  # tick and speed of the last realtime question
@@ -30,6 +36,7 @@ class QuestionSlot:
         with self._arrived:
             self._arrived.wait_for(lambda: self._info or self._question, timeout)
             new = self._info, self._question
+            self.arrived = self._came
             self._info = self._question = None
             return new
 
@@ -46,5 +53,5 @@ class QuestionSlot:
                     self._speed = speed
                 self._heard = question.tick, question.speed
                 question = replace(question, speed=self._speed)
-            self._question = question
+            self._question, self._came = question, time.monotonic()
             self._arrived.notify_all()

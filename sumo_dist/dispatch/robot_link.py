@@ -91,6 +91,7 @@ class RobotLink:
             self._tick = 0
             self._state: State | None = None
             self._plans: dict[int, PlanReport] = {}
+            self._heard = -1, 0.0  # newest plan that came in realtime, and when [s]
             self._no_plan = ""  # why none will come
 
     def announce(self) -> None:
@@ -139,6 +140,7 @@ class RobotLink:
     def _question(
         self, request: PlanRequest, planner: PlannerConfig, clock: Clock, speed: float
     ) -> Question:
+        heard, at = self._heard if clock == "realtime" else (-1, 0.0)
         return Question(
             self._bus.run or "",
             number=request.number,
@@ -151,6 +153,8 @@ class RobotLink:
             weights=request.cost.weights,
             parameters=request.cost.parameters,
             settings=asdict(planner),
+            heard=heard,
+            held_ms=(time.monotonic() - at) * 1e3 if heard >= 0 else 0.0,
         )
 
     def newest_state(self, tick: int, patience: float) -> tuple[int, np.ndarray] | None:
@@ -245,13 +249,15 @@ class RobotLink:
             self._arrived.notify_all()
 
     def _on_plan(self, message: PlanMessage) -> None:
-        episode, report = self._episode, message.report
+        episode, report, number = self._episode, message.report, message.plan.number
         if episode is None:
             return
         if reason := misfit(report, episode.task, episode.controls.planner, self._tick):
-            self._refused(f"plan {report.plan.number} is refused: {reason}")
+            self._refused(f"plan {number} is refused: {reason}")
             return
         with self._arrived:
-            self._plans[report.plan.number] = report
+            self._plans[number] = report
+            if number > self._heard[0] and report.plan.tick == anchor_tick(number):
+                self._heard = number, time.monotonic()
             self._arrived.notify_all()
         self._on_report(report)

@@ -1,21 +1,23 @@
 """Which workers there are, how fast each is, and which of them are asked."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from sumo_dist.dispatch.busy import BusyWatch
+from sumo_dist.dispatch.pace import MEMORY, Pace, Turnaround
 from sumo_dist.dispatch.silences import Silences
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
 from sumo_dist.wire.keys import SCHEMA, Member
-from sumo_dist.wire.notices import WorkerHealth
+from sumo_dist.wire.messages import RolloutReply
+from sumo_dist.wire.notices import POOL_HEALTH, WorkerHealth, WorkerStatus
 
 MISSES_TO_SUSPEND = 2  # plans in a row without any answer before a worker is passed over
 REFUSALS_TO_LEAVE_OUT = 2  # in a row: one may have been spoilt on its way
-PROBE_S = 1.0  # how often a worker that is passed over, or has never answered, is tried
-SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
+PROBE_S = 1.0  # how often a worker that gets no rows is tried
 TIMELY_MEMORY = 0.9  # likewise in the share of its rows that come in time
 FIRST = 32  # workers that are asked at a time while none has answered
 MEASURED_ANSWERS = 20  # after so many a worker's speed counts as measured
@@ -44,6 +46,9 @@ class Worker:
         speed: rows per ms that it rolls out.
         misses: plans in a row without any answer.
         refusals: in a row.
+        leaving: it has said that it is about to.
+        threads: that it rolls out with.
+        turnaround: how long its answers take.
         asked, heard: time.monotonic() of the last request and answer, 0 before the first.
         lost: rows it was asked for and did not answer in time.
         timely: share of its rows that come in time.
@@ -57,6 +62,9 @@ class Worker:
     speed: float = 0.1
     misses: int = 0
     refusals: int = 0
+    leaving: bool = False
+    threads: int = 1
+    turnaround: Turnaround = field(default_factory=Turnaround)
     asked: float = 0.0
     heard: float = 0.0
     lost: int = 0
@@ -66,19 +74,30 @@ class Worker:
     blames: str = ""
 
     @property
-    def pace(self) -> float:
-        """Rows per ms that can be counted on: other work on its cores makes some of them late."""
-        return self.speed * max(LEAST_TIMELY, self.timely)
+    def pace(self) -> Pace:
+        """What can be counted on: other work on its cores makes some of its rows late."""
+        rows_per_ms = self.speed * max(LEAST_TIMELY, self.timely)
+        return Pace(rows_per_ms, self.turnaround.wait_ms, self.threads)
+
+    @property
+    def willing(self) -> bool:
+        """Whether it may be asked at all."""
+        return not self.refusal and not self.leaving
 
     @property
     def steady(self) -> bool:
         """Whether rows that a plan needs may be entrusted to it."""
         return self.heard > 0 and self.misses < MISSES_TO_SUSPEND
 
-    def answered(self, rows: int, compute_ms: float) -> None:
-        """Learn its speed; from late answers too: those in time alone would flatter it."""
-        speed = rows / max(compute_ms, 1e-3)
-        self.speed = SPEED_MEMORY * self.speed + (1.0 - SPEED_MEMORY) * speed
+    def answered(self, reply: RolloutReply, at: float) -> None:
+        """Learn its speed and wait from an answer that came at time.monotonic() `at`.
+
+        From late answers too: those in time alone would flatter it.
+        """
+        speed = len(reply.valid) / max(reply.compute_ms, 1e-3)
+        self.speed = MEMORY * self.speed + (1.0 - MEMORY) * speed
+        self.turnaround.answered(reply.shard, reply.compute_ms, at)
+        self.threads = reply.threads
         self.answers += 1
         if self.answers >= MEASURED_ANSWERS:
             self.measured = max(self.measured, self.speed)
@@ -86,6 +105,7 @@ class Worker:
     def measure_again(self) -> None:
         """Forget how fast it was: the questions are of another kind now."""
         self.answers, self.measured = 0, 0.0
+        self.turnaround.restart()
 
     def took(self, share: float) -> None:
         """Learn which share of a plan's rows came in time."""
@@ -113,29 +133,39 @@ class Workers:
     @property
     def pace(self) -> float:
         """Rollouts per ms of all workers that take shards, as measured on their answers."""
-        return sum(self.asked().values())
+        return sum(pace.rows_per_ms for pace in self.asked().values())
 
-    def asked(self) -> dict[str, float]:
+    def asked(self) -> dict[str, Pace]:
         """Paces of the workers that get a plan's rows.
 
         They are those that answer. While there is none, those are asked that were not asked for
         longest: somebody must be the first. So a token whose owner never answers costs no rows,
         however many there are.
         """
-        willing = {name: w for name, w in list(self._workers.items()) if not w.refusal}
-        steady = {name: w.pace for name, w in willing.items() if w.steady}
+        willing = {name: w for name, w in list(self._workers.items()) if w.willing}
+        if steady := {name: w.pace for name, w in willing.items() if w.steady}:
+            return steady
         longest_ago = sorted(willing, key=lambda name: willing[name].asked)
-        return steady or {name: willing[name].pace for name in longest_ago[:FIRST]}
+        return {name: willing[name].pace for name in longest_ago[:FIRST]}
 
-    def to_try(self) -> list[str]:
+    def to_try(self, began: float) -> list[str]:
         """Names of workers that are due to be tried with a row that another one has as well.
 
-        It is one at a time; all of them while nobody has answered: who does is found at once.
+        Those are who was not asked for a while: it does not answer, never has, or is so slow or far
+        away that it gets no rows. They are one at a time of those that answer and one of the
+        others; all of them while nobody has answered: who does is found at once.
+
+        Args:
+            began: time.monotonic() before the first was asked for this plan.
         """
-        asked, due = self.asked(), time.monotonic() - PROBE_S
-        idle = {n: w for n, w in self._workers.items() if not (w.refusal or n in asked)}
-        names = sorted((n for n in idle if idle[n].asked < due), key=lambda n: idle[n].asked)
-        return names[:1] if any(w.steady for w in self._workers.values()) else names
+        due = min(began, time.monotonic() - PROBE_S)
+        names = [name for name, w in self._workers.items() if w.willing and w.asked < due]
+        names.sort(key=lambda name: self._workers[name].asked)
+        steady = [name for name in names if self._workers[name].steady]
+        others = [name for name in names if not self._workers[name].steady]
+        if any(w.steady for w in self._workers.values()):
+            return steady[:1] + others[:1]
+        return others
 
     def joined_or_left(self, member: Member, alive: bool) -> bool:
         """Take note of a member; return whether its rows must be given to others."""
@@ -179,7 +209,7 @@ class Workers:
 
         So one worker that lies, or lacks a file, costs no more than its own rows.
         """
-        workers = list(self._workers.values())
+        workers = self._workers.values()
         if any(not w.refusal and w.misses < MISSES_TO_SUSPEND for w in workers):
             return ""
         return next((w.blames for w in workers if w.blames), "")
@@ -209,15 +239,22 @@ class Workers:
             worker.refusal, worker.refusals = misfit(worker.member, self._build), 0
             worker.blames = ""
 
-    def publish_health(self, bus: Bus) -> None:
-        """Tell of each worker and of them all; called on another thread than the rest."""
+    def publish_health(self, bus: Bus, source: str) -> None:
+        """Tell of all of them, as their optimizer; called on another thread than the rest."""
         self._silences.look()
         self._busy.look(self.slowdown)
+        told = list(self._told())
+        for first in range(0, len(told), POOL_HEALTH):
+            bus.publish(WorkerHealth.of(bus.run or "", source, told[first : first + POOL_HEALTH]))
+
+    def _told(self) -> Iterator[WorkerStatus]:
         now = time.monotonic()
         for name, worker in list(self._workers.items()):
             silent = "has not answered yet" if not worker.heard else "passed over"
-            state = worker.refusal or ("answers" if worker.steady else silent)
+            if worker.leaving:
+                silent = "is leaving"
+            answers = worker.steady and not worker.leaving
+            state = worker.refusal or ("answers" if answers else silent)
             since = now - worker.heard if worker.heard else -1.0
-            pace = float(np.round(worker.pace * 1e3))
-            message = WorkerHealth(bus.run or "", name, state[:200], pace, worker.lost, since)
-            bus.publish(message)
+            rollouts_per_s = float(np.round(worker.pace.rows_per_ms * 1e3))
+            yield WorkerStatus(name, state, rollouts_per_s, worker.lost, since)

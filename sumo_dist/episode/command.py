@@ -133,6 +133,7 @@ class Controls:
                 planner = self.planner.with_settings([f"{name}={value}"])
                 if planner.nodes != self.planner.nodes:
                     raise UsageError("nodes are an episode's: they cannot change while it runs")
+                self._task.check_settings(planner)
                 self.planner = planner
             case "reset":
                 self.following = self._next(self._config.task, value)
@@ -140,6 +141,7 @@ class Controls:
                 task = load_task(name)
                 self._check_robot(task)
                 planner = self._planner_of(task)
+                task.check_settings(planner)
                 problem = Problem.build(task, planning_options(planner))
                 problem.engine(1, self._config.engine).close()  # else the next episode says why not
                 following = replace(self._next(name, value), weight=(), param=())

@@ -8,6 +8,7 @@ import numpy as np
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation, Evaluator
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.planner import Planner, PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.planner.report import PlanReport
@@ -76,7 +77,8 @@ class LocalPlanning:
             self._engine = self._problem.engine(self._threads, self._config.engine)
             self._options = options
         self._evaluator = Evaluator(self._problem, self._engine, settings)
-        self._planner = Planner(settings, self._problem.task.actions, self._config.seed)
+        guide = make_guide(self._problem, settings)
+        self._planner = Planner(settings, self._problem.task.actions, self._config.seed, guide)
         return self._planner
 
     def _close(self) -> None:

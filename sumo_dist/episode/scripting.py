@@ -274,6 +274,7 @@ def _configured(
         **fields,
     )
     config.cost(found)
+    found.check_settings(config.planner)
     return found, config
 
 

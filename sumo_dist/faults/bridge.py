@@ -20,6 +20,7 @@ from sumo_dist.wire.session import open_client
 
 _OPEN_S = 30.0
 _DUPLICATE_S = 0.005  # from a message to its duplicate
+_QUEUE_S = 1.0  # a narrow link drops what would have to wait for longer
 
 
 class FaultBridge:
@@ -39,6 +40,7 @@ class FaultBridge:
         self._alive: list[set[str]] = [set(), set()]  # tokens of services, per end
         self._delayed: list[tuple[float, int, int, str, bytes]] = []  # due [s], number, end, ...
         self._number, self._closed = 0, threading.Event()
+        self._free = [0.0, 0.0]  # when a narrow link has sent what there is, per end
         self._sender = threading.Thread(target=self._send_delayed, daemon=True)
         self._subscribers: list[Any] = []
 
@@ -92,11 +94,24 @@ class FaultBridge:
                     return
                 if fault.kind == "delay":
                     delay += (fault.delay_ms + fault.jitter_ms * self._rng.random()) / 1e3
+                elif fault.kind == "narrow":
+                    waits = self._waits(end, len(payload), fault.kbit_s)
+                    if waits > _QUEUE_S:
+                        return
+                    delay += waits
                 elif fault.kind == "duplicate":
                     self._send(1 - end, key, payload, delay + _DUPLICATE_S)
                 else:
                     payload = TAMPERS[fault.kind](payload, self._rng)
             self._send(1 - end, key, payload, delay)
+
+    def _waits(self, end: int, size: int, kbit_s: float) -> float:
+        """Time [s] until a narrow link has sent a message of some bytes, after those before it."""
+        now = time.monotonic()
+        done = max(now, self._free[end]) + size * 8e-3 / kbit_s
+        if done - now <= _QUEUE_S:
+            self._free[end] = done
+        return done - now
 
     def _send(self, end: int, key: str, payload: bytes, delay: float = 0.0) -> None:
         """Send a message now or after a delay [s]."""

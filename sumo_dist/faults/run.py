@@ -59,11 +59,12 @@ class FaultRun:
 
     Attributes:
         growth: sizes of the processes.
+        near: endpoint of the router that the robot dials, unless it is behind the bridge.
     """
 
     def __init__(self, script: Script, folder: Path) -> None:
         """Prepare; entering starts everything."""
-        self.growth = GrowthMonitor()
+        self.growth, self.near = GrowthMonitor(), _free_endpoint()
         self._script, self._folder, self._stack = script, folder, ExitStack()
         self._services: dict[str, Service] = {}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
@@ -110,7 +111,7 @@ class FaultRun:
         script = self._script
         if script.viewer:
             need("view", f"the viewer of {script.name}")
-        near, far = _free_endpoint(), _free_endpoint()
+        near, far = self.near, _free_endpoint()
         planned = planned_services(script, self._folder, near)
         self._launcher = stack.enter_context(Launcher())
         self._start(Service("router", "router", serve.Router(near)))
@@ -193,7 +194,8 @@ def planned_services(script: Script, out: Path, endpoint: str) -> list[Service]:
     """
     speed = script.speed if script.clock == "realtime" else None
     run = episode_of(script), script.workers, 1, out, script.viewer or None
-    planned = list(services(Deployment(*run, speed, script.wait), endpoint))
+    deployment = Deployment(*run, speed, script.wait, give_way=script.give_way)
+    planned = list(services(deployment, endpoint))
     names = [service.name for service in planned]
     checks = [(name, names) for name in script.behind]
     targets = [*names, "router"]

@@ -10,7 +10,7 @@ from sumo_dist.errors import UsageError, unknown
 from sumo_dist.faults.tamper import TAMPERS
 
 PROCESS_FAULTS = ("kill", "freeze")
-MESSAGE_FAULTS = ("drop", "delay", "duplicate", "cut", *TAMPERS)
+MESSAGE_FAULTS = ("drop", "delay", "narrow", "duplicate", "cut", *TAMPERS)
 KINDS = (*PROCESS_FAULTS, *MESSAGE_FAULTS)
 VIEWERS = ("", "web")
 
@@ -22,8 +22,9 @@ class Fault:
     Attributes:
         kind: of a process, "kill" (SIGKILL, then started again) or "freeze" (SIGSTOP, then
             SIGCONT); of messages at the bridge, "drop", "delay" (by delay_ms and up to jitter_ms
-            more, which also reorders them), "duplicate", one of TAMPERS, or "cut": the link is
-            down and services vanish from each other's sight.
+            more, which also reorders them), "narrow" (each way takes kbit_s, and drops what would
+            wait for longer than a second), "duplicate", one of TAMPERS, or "cut": the link is down
+            and services vanish from each other's sight.
         target: the process it happens to; of messages, empty.
         after_plan: plan after which it begins.
         lasts: wall time until it is over [s].
@@ -32,6 +33,7 @@ class Fault:
         share: of messages that it happens to.
         topics: of these messages; empty means all.
         delay_ms, jitter_ms: of "delay".
+        kbit_s: of "narrow", kilobits per second.
     """
 
     kind: str
@@ -44,6 +46,7 @@ class Fault:
     topics: tuple[str, ...] = ()
     delay_ms: float = 0.0
     jitter_ms: float = 0.0
+    kbit_s: float = 1000.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -54,6 +57,8 @@ class Fault:
             raise UsageError(f"fault {self.kind!r}: lasts must be from 0 to 60 s, got {self.lasts}")
         if not 0 < self.share <= 1:
             raise UsageError(f"fault {self.kind!r}: share must be in (0, 1], got {self.share}")
+        if self.kbit_s <= 0:
+            raise UsageError(f"fault {self.kind!r}: kbit_s must be positive, got {self.kbit_s}")
         if self.times < 1 or self.every < 1 or self.after_plan < 0:
             raise UsageError(f"fault {self.kind!r}: times and every must be at least 1")
 
@@ -88,6 +93,7 @@ class Script:
         ends: how the run may end; other ends are failures.
         resumes: wall time from a fault's end to the next good plan, at most [s].
         wait: how long the robot waits for an answer in lockstep [s].
+        give_way: the workers let everything else on this machine go first.
     """
 
     faults: tuple[Fault, ...]
@@ -105,6 +111,7 @@ class Script:
     ends: tuple[str, ...] = ("timeout", "success")
     resumes: float = 1.0
     wait: float = 30.0
+    give_way: bool = True
 
     def __post_init__(self) -> None:
         if not self.behind and any(fault.is_message for fault in self.faults):

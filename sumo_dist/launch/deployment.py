@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import UsageError
 from sumo_dist.launch import serve
 from sumo_dist.launch.endpoint import router_endpoint
-from sumo_dist.launch.launcher import Launcher, Service, dialled
+from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
 from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
+from sumo_dist.wire.session import DEFAULT_ENDPOINT, is_secure, no_router, nobody_listens
+
+_LOOPBACK = "tcp/127.0.0.1:0"
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,11 @@ class Deployment:
         resume_wait: how long a stopped robot waits to be told to stand [s].
         stay: the robot waits for another episode when one has ended.
         give_way: the workers let everything else on this machine go first.
+        robot: its name on the bus; None takes the robot's own.
+        priority: of it among those that its workers serve.
+        trust: task files that its workers may run besides the episode's own, or folders of such.
+        keys: this host's, a folder a role, for endpoints with TLS.
+        insecure: the run's router takes anybody without keys.
     """
 
     episode: EpisodeConfig
@@ -42,6 +50,11 @@ class Deployment:
     resume_wait: float = 0.0
     stay: bool = False
     give_way: bool = True
+    robot: str | None = None
+    priority: int = 0
+    trust: tuple[Path, ...] = ()
+    keys: Path | None = None
+    insecure: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
@@ -58,16 +71,49 @@ def run_distributed(deployment: Deployment, listen: str | None) -> int:
         listen: the router's endpoint; None takes the usual port, or a free one.
     """
     what = f"{load_task(deployment.episode.task).name} in {deployment.out}"
-    with router_endpoint(listen, what) as endpoint, Launcher() as launcher:
+    listen = None if listen is None else listening(listen)
+    outside = listen if listen is not None and is_secure(listen) else None
+    # Where others need keys, the services of this machine have a port of their own.
+    here = listen if outside is None else _LOOPBACK
+    with router_endpoint(here, what) as endpoint, Launcher() as launcher:
         if listen is None and endpoint != DEFAULT_ENDPOINT:
             say(f"the port of {DEFAULT_ENDPOINT} is taken: this run is at {endpoint}")
-        launcher.start(Service("router", "router", serve.Router(endpoint)))
-        for service in services(deployment, dialled(endpoint)):
-            launcher.start(service)
-        code = launcher.wait_for("robot-interface")
-        if deployment.viewer is not None:
-            launcher.let_finish("tracer")
-        return code
+        launcher.start(Service("router", "router", _router(deployment, endpoint, outside)))
+        return _run(deployment, dialled(endpoint), launcher)
+
+
+def _router(deployment: Deployment, here: str, outside: str | None) -> serve.Router:
+    if outside is None:
+        return serve.Router(here, insecure=deployment.insecure)
+    return serve.Router(outside, here, _of_role(deployment, outside, "router"))
+
+
+def _of_role(deployment: Deployment, endpoint: str, role: str) -> Path | None:
+    """Folder with a role's keys for an endpoint; None if it needs none."""
+    if deployment.keys is None or not is_secure(endpoint):
+        return None
+    return deployment.keys / role
+
+
+def join(deployment: Deployment, endpoint: str) -> int:
+    """Do the same at a router that is there, whose workers are used, too.
+
+    Raises:
+        SumoError: there is none.
+    """
+    if nobody_listens(endpoint):
+        raise no_router(endpoint, 0.0)
+    with Launcher() as launcher:
+        return _run(deployment, endpoint, launcher)
+
+
+def _run(deployment: Deployment, endpoint: str, launcher: Launcher) -> int:
+    for service in services(deployment, endpoint):
+        launcher.start(service)
+    code = launcher.wait_for("robot-interface")
+    if deployment.viewer is not None:
+        launcher.let_finish("tracer")
+    return code
 
 
 def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
@@ -75,23 +121,32 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
 
     Only the robot is told what to do: the others take it up from the robot.
     """
-    episode = deployment.episode
+    episode, keys = deployment.episode, partial(_of_role, deployment, endpoint)
     bus: dict[str, Any] = {
         "connect": endpoint,
-        "robot": load_task(episode.task).scene.robot.name,
+        "robot": deployment.robot or load_task(episode.task).scene.robot.name,
     }
     if deployment.viewer is not None:  # first: it has most to load before it shows anything
-        tracer = serve.Tracer(out=deployment.out, viewer=deployment.viewer, **bus)
+        tracer = serve.Tracer(
+            out=deployment.out, viewer=deployment.viewer, **bus, keys=keys("tracer")
+        )
         yield Service("tracer", "tracer", tracer, vital=False)
-    yield Service("state-estimator", "state-estimator", serve.Estimator(**bus))
-    yield Service("optimizer", "optimizer", serve.Optimizer(engine=episode.engine, **bus))
+    yield Service("state-estimator", "state-estimator", serve.Estimator(**bus, keys=keys("robot")))
+    optimizer = serve.Optimizer(
+        engine=episode.engine, priority=deployment.priority, **bus, keys=keys("optimizer")
+    )
+    yield Service("optimizer", "optimizer", optimizer)
+    own = load_task(episode.task).source
+    trust = (*((Path(own),) if own.endswith(".py") else ()), *deployment.trust)
     for i in range(deployment.workers):
         worker = serve.Worker(
+            connect=endpoint,
+            keys=keys("worker"),
             name=f"local-{i}",
             threads=deployment.threads,
             engine=episode.engine,
             give_way=deployment.give_way,
-            **bus,
+            trust=trust,
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
     robot = serve.Robot(
@@ -102,5 +157,6 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         resume_wait=deployment.resume_wait,
         stay=deployment.stay,
         **bus,
+        keys=keys("robot"),
     )
     yield Service("robot-interface", "robot-interface", robot)

@@ -9,7 +9,10 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from functools import cache
+from typing import Any, get_type_hints
+
+import tyro
 
 from sumo_dist.errors import SumoError
 from sumo_dist.terminal import say
@@ -49,10 +52,20 @@ def flags(options: Any, prefix: str = "") -> Iterator[str]:
         elif isinstance(value, bool):
             yield f"--{name}" if value else f"--{prefix}no-{f.name.replace('_', '-')}"
         elif isinstance(value, tuple):
-            if value:
+            if f.name in _appended(type(options)):
+                yield from (text for item in value for text in (f"--{name}", str(item)))
+            elif value:
                 yield from (f"--{name}", *map(str, value))
         else:
             yield from (f"--{name}", str(value))
+
+
+@cache
+def _appended(kind: type) -> set[str]:
+    """Names of options that are repeated, with one value each."""
+    hints = get_type_hints(kind, include_extras=True)
+    append = tyro.conf.UseAppendAction
+    return {name for name, hint in hints.items() if append in getattr(hint, "__metadata__", ())}
 
 
 class Launcher:

@@ -4,8 +4,6 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
 from sumo_dist.launch import logs
 from sumo_dist.launch.endpoint import router_endpoint
@@ -18,34 +16,25 @@ from sumo_dist.services import router as router_service
 from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services import worker as worker_service
 from sumo_dist.signals import on_ending
-from sumo_dist.wire.session import DEFAULT_ENDPOINT
+from sumo_dist.wire.audit import audited
+from sumo_dist.wire.session import is_secure
 
 Estimator = estimator_service.EstimatorOptions
 Optimizer = optimizer_service.OptimizerOptions
 Robot = robot_service.RobotOptions
+Router = router_service.RouterOptions
 Tracer = tracer_service.TracerOptions
 Worker = worker_service.WorkerOptions
-
-
-@dataclass(frozen=True)
-class Router:
-    """Options of `router`.
-
-    Attributes:
-        listen: endpoint; loopback unless said otherwise, such as tcp/0.0.0.0:7447.
-        config: Zenoh configuration (JSON5) with TLS certificates and access rules.
-    """
-
-    listen: str = DEFAULT_ENDPOINT
-    config: Path | None = None
 
 
 def router(options: Router) -> int:
     """Route until stopped."""
     with service(first=True) as stop, ExitStack() as stack:
         if PARENT not in os.environ:  # else the launcher has left a note
-            stack.enter_context(router_endpoint(options.listen, ""))
-        router_service.serve(options.listen, stop, options.config)
+            stack.enter_context(router_endpoint(options.local or options.listen, ""))
+        if is_secure(options.listen):
+            stack.enter_context(audited())
+        router_service.serve(options, stop)
     return 0
 
 

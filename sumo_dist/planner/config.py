@@ -14,7 +14,7 @@ from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order, given
 from sumo_dist.model.scene import PLANT
 from sumo_dist.optim import Placement
-from sumo_dist.planner.settings import SETTINGS, Execute, Model
+from sumo_dist.planner.settings import SETTINGS, Execute, Guidance, Model
 from sumo_dist.timing import TICK
 
 
@@ -44,6 +44,8 @@ class PlannerConfig:
         timestep: physics step of the planning model [s].
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
         model: the planning model is "lean", see `model.departures`, or "full".
+        guidance: "object" plans for the object first, and one candidate is the walk that brings it
+            to its goal, see `planner.guidance`; "none" draws all candidates.
     """
 
     optimizer: str = "ps"
@@ -64,6 +66,7 @@ class PlannerConfig:
     timestep: float = 0.02
     fluid_density: float = 0.0
     model: Model = "lean"
+    guidance: Guidance = "none"
 
     def __post_init__(self) -> None:
         for name, setting in SETTINGS.items():
@@ -188,7 +191,7 @@ def _wrong_type(key: str, kind: type, value: object) -> UsageError:
 
 
 # What a setting was before there was one: runs of then still replay.
-_BEFORE = {"model": "full", "placement": "alike"}
+_BEFORE = {"model": "full", "guidance": "none", "placement": "alike"}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.
@@ -212,6 +215,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "timestep": PLANT.timestep,
         "fluid_density": PLANT.fluid_density,
         "model": "full",
+        "guidance": "none",
     },
 }
 

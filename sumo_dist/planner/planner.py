@@ -10,6 +10,7 @@ from sumo_dist.math import splines
 from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, noise_shares, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
+from sumo_dist.planner.guidance import Guide
 from sumo_dist.planner.plan import Plan
 from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.timing import TICK
@@ -65,9 +66,19 @@ class Planner:
     a rollout s' = f(s, policy(s, g(a))).
     """
 
-    def __init__(self, config: PlannerConfig, actions: ActionSpace, seed: int) -> None:
-        """Set up for an action space; noise is keyed by (seed, plan number, iteration)."""
+    def __init__(
+        self, config: PlannerConfig, actions: ActionSpace, seed: int, guide: Guide | None = None
+    ) -> None:
+        """Set up for an action space; noise is keyed by (seed, plan number, iteration).
+
+        Args:
+            config: the settings.
+            actions: what is searched.
+            seed: of the noise.
+            guide: proposes candidates, see `guidance.make_guide`; None: all of them are drawn.
+        """
         self.config = config
+        self._guide = guide
         self._actions = actions
         self._seed = seed
         self._optimizer = make_optimizer(config.optimizer, config.elites, config.temperature)
@@ -89,6 +100,8 @@ class Planner:
             shares = noise_shares(config.placement, count)  # (B,)
             # a ~ N(mu, sigma^2); (B, F, n)
             drawn = sample(belief, count, rng, self._coloring, shares)
+            if iteration == 0:
+                self._propose(request, drawn)
             knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)
@@ -112,6 +125,15 @@ class Planner:
         elapsed = self._node_times + (request.tick - request.previous.tick) * TICK
         knots = request.previous.at_times(elapsed)
         return self._after(knots[0], knots[None, -len(self._sigma) :])[0]
+
+    def _propose(self, request: PlanRequest, drawn: np.ndarray) -> None:
+        """Put what the guide proposes in the place of the last of the candidates (B, F, n).
+
+        The base walks as proposed, and all else is as in the last plan, shifted: as in row 0.
+        """
+        if self._guide is not None and len(drawn) > 1:
+            drawn[-1] = drawn[0]
+            drawn[-1][:, self._actions.base] = self._guide(request.state, request.cost.parameters)
 
     def _noise(self) -> np.ndarray:
         """Standard deviations (F, n) of the knots from the start on."""

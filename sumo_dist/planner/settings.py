@@ -10,6 +10,7 @@ from sumo_dist.timing import TICK
 
 Execute = Literal["mean", "best"]
 Model = Literal["lean", "full"]
+Guidance = Literal["none", "object"]
 
 
 class Setting(NamedTuple):
@@ -88,5 +89,8 @@ SETTINGS = {
     ),
     "model": _one_of(
         "what rollouts are made with; full is all that the plant has", get_args(Model)
+    ),
+    "guidance": _one_of(
+        "object: one candidate walks behind the object and pushes it", get_args(Guidance)
     ),
 }

@@ -38,8 +38,8 @@ class ActionSpace:
         lower, upper: (nu,) physical limits; a dimension with lower == upper is fixed.
         default: (nu,) the action of a robot that stands and waits.
         to_command: (..., nu) physical action -> (..., nc) policy command, elementwise.
-        velocities: indices of the dimensions that are velocities of the base; the planner searches
-            them with a noise of their own.
+        velocities: indices of the dimensions that are velocities of the base, which the planner
+            searches with a noise of their own; three of them are x, y and yaw, in this order.
     """
 
     names: tuple[str, ...]

@@ -9,22 +9,27 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Generic, Self, TypeVar
 
 import zenoh
 
+from sumo_dist.authority.folder import KeyFolder
 from sumo_dist.errors import SumoError
 from sumo_dist.wire.codec import decode, encode
 from sumo_dist.wire.keys import (
     ANY,
+    INSECURE,
+    POOL,
+    ROUTER,
     SCHEMA,
+    WORKER,
     Member,
     alive_key,
     alive_keys,
-    checked_name,
+    checked_robot,
     parse_alive,
+    router_tokens,
     topic_key,
 )
 from sumo_dist.wire.messages import Message
@@ -39,6 +44,8 @@ _REPORTED_S = 0.05  # those that are there are reported within milliseconds
 INBOX_LIMIT = 1000  # messages a consumer may be behind before newer ones are dropped
 
 _log = logging.getLogger(__name__)
+
+SHOUT = "INSECURE: the router takes anybody without keys: who reaches it owns the robot"
 
 
 class Newest(Generic[M]):
@@ -109,9 +116,12 @@ class Members:
 
 
 class Bus:
-    """One service's session on the bus of one robot. Close it, or use it as a context manager.
+    """One service's session on the bus of one robot, or of a pool of workers.
+
+    Close it, or use it as a context manager.
 
     Attributes:
+        robot: its name; POOL of a worker, which serves any.
         run: id of the run this service is in: messages of others are dropped; None accepts all.
         rejected: messages dropped, counted by reason: those of WireError, "run" (of another run),
             "stale" (older than the newest), "overflow" (the consumer is too slow).
@@ -121,8 +131,8 @@ class Bus:
         """Use an open session, which the bus closes; see `dial`."""
         self.run = run
         self.rejected: Counter[str] = Counter()
+        self.robot = robot
         self._session = session
-        self._robot = robot
         self._closed = False
         self._lock = threading.Lock()
         self._publishers: dict[tuple[type, str | None], zenoh.Publisher] = {}
@@ -137,27 +147,33 @@ class Bus:
         *,
         run: str | None = None,
         timeout: float = 10.0,
-        config: Path | None = None,
+        keys: KeyFolder | None = None,
     ) -> Self:
         """Connect to the router at an endpoint, waiting up to `timeout` [s] for it to come up.
 
         Args:
             endpoint: such as "tcp/127.0.0.1:7447".
-            robot: whose bus it is; part of every key.
+            robot: whose bus it is, or POOL; part of the keys.
             run: see the attribute.
             timeout: [s].
-            config: Zenoh configuration file for TLS.
+            keys: of this service, for endpoints with TLS.
         """
-        checked_name("robot", robot)  # a bad name is the caller's error: do not wait first
-        return cls(open_client(endpoint, timeout, config), robot, run)
+        if robot != POOL:
+            checked_robot(robot)  # a bad name is the caller's error: do not wait first
+        bus = cls(open_client(endpoint, timeout, keys), robot, run)
+        bus.watch(ROUTER, _shout)
+        return bus
 
     def publish(self, message: Message) -> None:
         """Send a message on its topic; dropped where the network or a receiver cannot keep up."""
-        payload = encode(message)
+        self.send(type(message), message.address, encode(message))
+
+    def send(self, kind: type[Message], address: str | None, payload: bytes) -> None:
+        """Send an encoded message of some type; see `publish`."""
         try:
-            self._publisher(message).put(payload)
+            self._publisher(kind, address).put(payload)
         except zenoh.ZError as error:
-            raise SumoError(f"cannot publish {type(message).__name__}: {error}") from None
+            raise SumoError(f"cannot publish {kind.__name__}: {error}") from None
 
     def subscribe(self, kind: type[M], callback: Callable[[M], None], address: str = ANY) -> None:
         """Give a callback every valid message of a type; the others are counted in `rejected`.
@@ -181,8 +197,12 @@ class Bus:
                 return
             callback(message)
 
-        key = topic_key(self._robot, kind.topic, address if kind.addressed_by else None)
-        self._receivers.append(self._session.declare_subscriber(key, receive))
+        whose = [POOL] if kind.pooled else [self.robot]
+        if kind.of_all and self.robot != POOL:
+            whose.append(POOL)
+        for robot in whose:
+            key = topic_key(robot, kind.topic, address if kind.addressed_by else None)
+            self._receivers.append(self._session.declare_subscriber(key, receive))
 
     def newest(self, kind: type[M], address: str = ANY) -> Newest[M]:
         """Subscribe with a slot that holds the newest message."""
@@ -214,7 +234,7 @@ class Bus:
         Subscribe first: who sees the member can then reach it.
         """
         member = Member(role, id, SCHEMA, build)
-        key = alive_key(self._robot, member)
+        key = alive_key(POOL if role == WORKER else self.robot, member)
         self._tokens.append(self._session.liveliness().declare_token(key))
         return member
 
@@ -234,9 +254,9 @@ class Bus:
             else:
                 members.update(member, sample.kind == zenoh.SampleKind.PUT)
 
-        key = alive_keys(self._robot, role)
         liveliness = self._session.liveliness()
-        self._receivers.append(liveliness.declare_subscriber(key, receive, history=True))
+        for key in self._tokens_of(role):
+            self._receivers.append(liveliness.declare_subscriber(key, receive, history=True))
         return members
 
     def close(self) -> None:
@@ -258,16 +278,25 @@ class Bus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _publisher(self, message: Message) -> zenoh.Publisher:
-        where = (type(message), message.address)
+    def _tokens_of(self, role: str) -> list[str]:
+        """Key expressions of the tokens of a role as this side sees it."""
+        if role == ROUTER:
+            return [router_tokens()]
+        if self.robot == POOL:  # workers see the services of all robots
+            return [alive_keys(ANY, role)]
+        keys = [] if role == WORKER else [alive_keys(self.robot, role)]
+        return [*keys, alive_keys(POOL, WORKER)] if role in (ANY, WORKER) else keys
+
+    def _publisher(self, kind: type[Message], address: str | None) -> zenoh.Publisher:
+        where = (kind, address)
         with self._lock:
             if where not in self._publishers:
                 priority = zenoh.Priority.REAL_TIME
                 self._publishers[where] = self._session.declare_publisher(
-                    topic_key(self._robot, message.topic, message.address),
+                    topic_key(POOL if kind.pooled else self.robot, kind.topic, address),
                     congestion_control=zenoh.CongestionControl.DROP,
-                    priority=zenoh.Priority.BACKGROUND if message.background else priority,
-                    express=not message.background,
+                    priority=zenoh.Priority.BACKGROUND if kind.background else priority,
+                    express=not kind.background,
                 )
             return self._publishers[where]
 
@@ -277,3 +306,9 @@ class Bus:
             first = self.rejected[reason] == 1
         if first:
             _log.warning("dropped a message (%s; from now on only counted): %s", reason, detail)
+
+
+def _shout(router: Member, alive: bool) -> None:
+    """Say, in the log of each service, that its router is open to everybody."""
+    if alive and router.build == INSECURE:
+        _log.warning(SHOUT)

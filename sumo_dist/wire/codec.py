@@ -5,7 +5,8 @@ wrong and finite is the one fault that no other check finds.
 """
 
 import zlib
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import msgpack
 
@@ -32,6 +33,44 @@ def encode(message: Message) -> bytes:
     if len(payload) > MAX_BYTES:
         raise WireError("size", f"{len(payload)} bytes, at most {MAX_BYTES}")
     return seal(payload)
+
+
+class Template:
+    """Messages that differ in a few fields only: what they share is packed once."""
+
+    def __init__(self, message: Message, own: Sequence[str]) -> None:
+        """Take what is shared from one of the messages.
+
+        Args:
+            message: one of them.
+            own: names of the fields that each has for itself.
+        """
+        kind = type(message)
+        self._record, self._dims = record(kind), {}
+        names = [name for name in self._record.rules if name not in own]
+        shared = {"v": SCHEMA, "type": kind.__name__} | self._record.pack_some(
+            {name: getattr(message, name) for name in names}, self._dims
+        )
+        header = msgpack.Packer().pack_map_header(len(shared) + len(own))
+        self._head = header + _pairs(shared)
+        self._sum = zlib.crc32(self._head)
+
+    def encode(self, **own: Any) -> bytes:
+        """Encode a message of which the fields of its own are given; see the function `encode`."""
+        body = _pairs(self._record.pack_some(own, dict(self._dims)))
+        if (size := len(self._head) + len(body)) > MAX_BYTES:
+            raise WireError("size", f"{size} bytes, at most {MAX_BYTES}")
+        checksum = zlib.crc32(body, self._sum).to_bytes(CHECKSUM_BYTES, "little")
+        return b"".join((checksum, self._head, body))
+
+
+def _pairs(packed: Mapping[str, Any]) -> bytes:
+    """A map's names and values as msgpack has them, without the header before them."""
+    pack = msgpack.Packer(autoreset=False)
+    for name, value in packed.items():
+        pack.pack(name)
+        pack.pack(value)
+    return pack.bytes()
 
 
 def seal(packed: bytes) -> bytes:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import zenoh
 
+from sumo_dist.authority.certificates import KeysError
+from sumo_dist.authority.folder import KeyFolder
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire.keys import ANY, alive_keys, checked_name, parse_presence
 from sumo_dist.wire.routers import LocalRouter, local_routers
@@ -65,10 +67,12 @@ class Search:
     Attributes:
         connect: a router's endpoint; None looks at all routers of this machine.
         robot: its name; None looks for all.
+        keys: to show where an endpoint asks for them.
     """
 
     connect: str | None = None
     robot: str | None = None
+    keys: KeyFolder | None = None
 
     def __post_init__(self) -> None:
         if self.connect is not None:
@@ -88,7 +92,7 @@ class Search:
         notes = {} if self.connect is not None else {r.endpoint: r for r in local_routers()}
         endpoints = list(dict.fromkeys([self.connect or DEFAULT_ENDPOINT, *notes]))
         with ThreadPoolExecutor(len(endpoints)) as pool:
-            found = dict(zip(endpoints, pool.map(_robots_at, endpoints), strict=True))
+            found = dict(zip(endpoints, pool.map(self._robots_at, endpoints), strict=True))
         return Look(
             places=[
                 Place(endpoint, robot, notes[endpoint].what if endpoint in notes else "")
@@ -99,6 +103,27 @@ class Search:
             routers=[endpoint for endpoint, robots in found.items() if robots is not None],
             silent=[note for endpoint, note in notes.items() if found[endpoint] is None],
         )
+
+    def _robots_at(self, endpoint: str) -> list[str] | None:
+        """Names of the robots at a router; None if it does not answer in time.
+
+        Raises:
+            KeysError: the router that was named does not take the keys.
+        """
+        if nobody_listens(endpoint):
+            return None
+        try:
+            session = open_client(endpoint, ROUTER_S, self.keys)
+        except SumoError as error:
+            if self.connect is not None and isinstance(error, KeysError | UsageError):
+                raise
+            return None
+        try:
+            return _robots(session)
+        except zenoh.ZError:
+            return None
+        finally:
+            session.close()
 
     def one(self) -> Place:
         """Return the place of the one robot that is there.
@@ -140,6 +165,19 @@ def only(places: Sequence[Place]) -> Place:
     raise UsageError(f"{len(places)} robots are here, choose one: {listed}")
 
 
+def only_router(endpoints: Sequence[str]) -> str:
+    """Return the only router's endpoint.
+
+    Raises:
+        UsageError: there are several; it names them with the option that chooses one.
+    """
+    if len(endpoints) == 1:
+        return endpoints[0]
+    what = {router.endpoint: router.who for router in local_routers()}
+    listed = "; ".join(f"--connect {e} for {what.get(e, 'a router')}" for e in endpoints)
+    raise UsageError(f"{len(endpoints)} routers are here, choose one: {listed}")
+
+
 def _choice(place: Place, places: Sequence[Place]) -> str:
     """Options that choose a place among others."""
     if [other.robot for other in places].count(place.robot) == 1:
@@ -149,22 +187,11 @@ def _choice(place: Place, places: Sequence[Place]) -> str:
     return f"--connect {place.endpoint} --robot {place.robot}"
 
 
-def _robots_at(endpoint: str) -> list[str] | None:
-    """Names of the robots at a router; None if it does not answer in time."""
-    if nobody_listens(endpoint):
-        return None
-    try:
-        session = open_client(endpoint, ROUTER_S)
-    except SumoError:
-        return None
-    try:
-        found = set()
-        for role in _ROLES:
-            replies = session.liveliness().get(alive_keys(ANY, role), timeout=ROUTER_S)
-            keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
-            found |= {presence[0] for key in keys if (presence := parse_presence(key))}
-        return sorted(found)
-    except zenoh.ZError:
-        return None
-    finally:
-        session.close()
+def _robots(session: zenoh.Session) -> list[str]:
+    """Names of the robots that a session sees."""
+    found = set()
+    for role in _ROLES:
+        replies = session.liveliness().get(alive_keys(ANY, role), timeout=ROUTER_S)
+        keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        found |= {presence[0] for key in keys if (presence := parse_presence(key))}
+    return sorted(found)

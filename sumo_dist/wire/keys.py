@@ -1,8 +1,9 @@
 """The names of everything on the bus.
 
-Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`. The prefix of liveliness tokens,
-`sumo/alive/<robot>/<role>/<id>/<schema>/<build>`, has no version: services of different versions or
-builds see each other and can say so.
+Messages travel on `sumo/v<SCHEMA>/<robot>/<topic>[/<address>]`; those to and from rollout workers,
+which serve any robot, on `sumo/v<SCHEMA>/pool/<topic>/<address>`. The prefix of liveliness tokens,
+`sumo/alive/<robot or pool>/<role>/<id>/<schema>/<build>`, has no version: services of different
+versions or builds see each other and can say so.
 """
 
 import os
@@ -13,10 +14,15 @@ from urllib.parse import quote, unquote
 
 from sumo_dist.errors import UsageError
 
-SCHEMA = 5  # raise it with every change of a message's fields or of their meaning
+SCHEMA = 6  # raise it with every change of a message's fields or of their meaning
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
+POOL = "pool"  # stands where else a robot's name does, so no robot can have it
+PRIORITIES = 9  # a robot's priority at workers is from -9 to 9
+WORKER = "worker"  # the role that is of the pool, as the router's is; all others are of a robot
+ROUTER = "router"
+OPEN, SECURE, INSECURE = "open", "secure", "insecure"  # a router's in place of a build
 
 
 @dataclass(frozen=True, order=True)
@@ -50,6 +56,22 @@ def checked_name(kind: str, name: str) -> str:
             "starting with a letter or a digit"
         )
     return name
+
+
+def checked_robot(name: str) -> str:
+    """Return a robot's name if it can be one, else raise."""
+    if name == POOL:
+        raise UsageError(
+            f"robot {name!r}: the keys of rollout workers have this name; take another"
+        )
+    return checked_name("robot", name)
+
+
+def checked_priority(priority: int) -> int:
+    """Return a robot's priority if it can be one, else raise."""
+    if not -PRIORITIES <= priority <= PRIORITIES:
+        raise UsageError(f"priority must be from -{PRIORITIES} to {PRIORITIES}, got {priority}")
+    return priority
 
 
 def topic_key(robot: str, topic: str, address: str | None = None) -> str:
@@ -90,3 +112,17 @@ def parse_presence(key: str) -> tuple[str, Member] | None:
         ):
             return robot, Member(role, name, int(schema), unquote(build))
     return None
+
+
+def router_key(kind: str) -> str:
+    """Key of a router's liveliness token.
+
+    Args:
+        kind: OPEN to this machine, SECURE by keys, or INSECURE: open to everybody.
+    """
+    return alive_key(POOL, Member(ROUTER, unique_name(), SCHEMA, kind))
+
+
+def router_tokens() -> str:
+    """Key expression of the tokens of routers."""
+    return alive_keys(POOL, ROUTER)

@@ -11,12 +11,13 @@ import numpy as np
 
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.wire.keys import NAME_PATTERN
-from sumo_dist.wire.schema import Array, Fields, Float, Int, Settings, Text
+from sumo_dist.wire.keys import NAME_PATTERN, PRIORITIES
+from sumo_dist.wire.schema import MAX_BYTES, Array, Fields, Float, Int, Settings, Text
 
 Count = Annotated[int, Int(0, 2**53)]
 Milliseconds = Annotated[float, Float(0.0)]
 Speed = Annotated[float, Float(0.0, 100.0)]
+Priority = Annotated[int, Int(-PRIORITIES, PRIORITIES)]
 Name = Annotated[str, Text(NAME_PATTERN)]
 
 WirePlan = Annotated[
@@ -43,6 +44,11 @@ class Message:
     ordered_by: ClassVar[tuple[str, ...]] = ()
     background: ClassVar[bool] = False  # only watched: gives way to what the plan waits for
     any_run: ClassVar[bool] = False  # heard in every run, whatever its id
+    pooled: ClassVar[bool] = False  # to or from a worker, which serves any robot
+    of_all: ClassVar[bool] = False  # workers speak so, too: who listens to a robot hears them
+    sent_by: ClassVar[tuple[str, ...]] = ()  # roles that may send it, see `wire.access`
+    heard_by: ClassVar[tuple[str, ...]] = ()
+    most_bytes: ClassVar[int] = 128 << 10  # a router lets no longer one through
     run: Annotated[str, Text(longest=200)]
 
     @property
@@ -67,6 +73,8 @@ class EpisodeInfo(Message):
     """
 
     topic: ClassVar[str] = "episode"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "tracer")
     any_run: ClassVar[bool] = True
     config: Annotated[str, Text(longest=20_000)]
     task_hash: Annotated[str, Text(longest=64)]
@@ -85,6 +93,8 @@ class Sensors(Message):
     """
 
     topic: ClassVar[str] = "sensors"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     any_run: ClassVar[bool] = True  # the estimator may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
@@ -105,6 +115,8 @@ class State(Message):
     """
 
     topic: ClassVar[str] = "state"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
     state: Annotated[np.ndarray, Array("f8", "n")]
@@ -125,9 +137,14 @@ class Question(Message):
         weights: (n_terms,) of the cost.
         parameters: (n,) of the task.
         settings: fields of the PlannerConfig.
+        heard: number of the newest plan that has come; -1 before the first.
+        held_ms: wall time since it came [ms], so that the optimizer knows how long a plan and the
+            question after it were on their way.
     """
 
     topic: ClassVar[str] = "question"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("optimizer", "tracer")
     any_run: ClassVar[bool] = True  # the optimizer may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     number: Annotated[int, Int(-1, 2**53)]
@@ -140,6 +157,8 @@ class Question(Message):
     weights: Annotated[np.ndarray, Array("f8", "n_terms")]
     parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     settings: Annotated[dict[str, int | float | str], Settings()]
+    heard: Annotated[int, Int(-1, 2**53)] = -1
+    held_ms: Milliseconds = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +172,17 @@ class PlanMessage(Message):
         weights, parameters: that the plan was made with.
         plan_ms: wall time from the state's arrival to the plan [ms].
         own_ms: the optimizer's own part of it [ms].
-        age_ticks: ticks of robot time between the plan's state and its publication.
+        age_ticks: ticks of robot time between the plan's state and its arrival, as far as the
+            optimizer knows the way.
         lost, reissued, invalid: rollouts never answered, asked for twice, and diverged.
         failed: no candidate was finite; the plan is the shifted previous one.
         workers: that were alive.
     """
 
     topic: ClassVar[str] = "plan"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
+    most_bytes: ClassVar[int] = MAX_BYTES
     plan: WirePlan
     costs: Annotated[np.ndarray, Array("f8", "B")]
     finite: Annotated[np.ndarray, Array("b1", "B")]
@@ -200,6 +223,8 @@ class NoPlan(Message):
     """
 
     topic: ClassVar[str] = "no-plan"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     reason: str
 
 
@@ -209,6 +234,8 @@ class RolloutRequest(Message):
 
     Attributes:
         worker: who is asked.
+        asker: who asks, unique to an optimizer's process.
+        robot: whose plan it is for.
         number, iteration: of the plan, and of the optimizer within it.
         shard: index of this part of the candidates.
         start: the part's first row among them.
@@ -219,12 +246,19 @@ class RolloutRequest(Message):
         parameters: (n,) of the task.
         knots: (b, K, n) normalised actions.
         reply_budget_ms: after which the reply is of no use [ms]; 0 for never.
+        priority: of the robot among those that the worker serves; higher ones go first.
     """
 
     topic: ClassVar[str] = "request"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("worker",)
+    most_bytes: ClassVar[int] = MAX_BYTES
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    pooled: ClassVar[bool] = True
     worker: Name
+    asker: Name
+    robot: Name
     number: Count
     iteration: Count
     shard: Count
@@ -238,6 +272,7 @@ class RolloutRequest(Message):
     parameters: Annotated[np.ndarray, Array("f8", "n_parameters", empty=True)]
     knots: Annotated[np.ndarray, Array("f4", "b", "K", "n")]
     reply_budget_ms: Milliseconds
+    priority: Priority = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,18 +280,25 @@ class RolloutReply(Message):
     """A worker -> optimizer: the costs of a request's rows, or why it refuses.
 
     Attributes:
-        worker, number, iteration, shard, start: of the request.
+        worker, asker, number, iteration, shard, start: of the request.
         terms: (b, n_terms) reduced residuals, unweighted; rows that are not valid are zeros.
         valid: (b,) the rollout and its costs are finite.
         compute_ms: wall time of the rollouts [ms].
         refusal: why nothing was rolled out (terms and valid are empty); "" if it was.
         task_fails: it refuses because the task's own code raises.
+        threads: that it rolls out with.
+        leaving: it is about to, and answers what it was asked so far.
     """
 
     topic: ClassVar[str] = "reply"
-    addressed_by: ClassVar[str | None] = "worker"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    most_bytes: ClassVar[int] = MAX_BYTES
+    addressed_by: ClassVar[str | None] = "asker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
+    pooled: ClassVar[bool] = True
     worker: Name
+    asker: Name
     number: Count
     iteration: Count
     shard: Count
@@ -266,6 +308,8 @@ class RolloutReply(Message):
     compute_ms: Milliseconds
     refusal: str
     task_fails: bool
+    threads: Annotated[int, Int(1, 256)] = 1
+    leaving: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,15 +317,20 @@ class Traces(Message):
     """A worker -> tracer: thinned paths of a request's rollouts.
 
     Attributes:
-        worker, number, iteration, start: of the request.
+        worker, robot, number, iteration, start: of the request.
         traces: (b, F, P, 3) positions of F frames at P instants, world [m]; zeros if diverged.
     """
 
     topic: ClassVar[str] = "traces"
-    addressed_by: ClassVar[str | None] = "worker"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    most_bytes: ClassVar[int] = MAX_BYTES
+    addressed_by: ClassVar[str | None] = "robot"
     ordered_by: ClassVar[tuple[str, ...]] = ("number", "iteration")
     background: ClassVar[bool] = True
+    pooled: ClassVar[bool] = True
     worker: Name
+    robot: Name
     number: Count
     iteration: Count
     start: Count
@@ -300,6 +349,8 @@ class EpisodeEnd(Message):
     """
 
     topic: ClassVar[str] = "end"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
     tick: Count
     reason: str
     success: bool

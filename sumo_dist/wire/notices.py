@@ -3,12 +3,19 @@
 Fields are declared as in `messages`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
 
 from sumo_dist.episode.command import Command, Verb
+from sumo_dist.wire.keys import NAME_PATTERN
 from sumo_dist.wire.messages import Count, Message, Name
-from sumo_dist.wire.schema import Float, Settings, Text
+from sumo_dist.wire.schema import Array, Lines, Settings, Text
+
+POOL_HEALTH = 256  # workers that one message tells of
+STATE = 200  # characters of what is said of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +29,8 @@ class Event(Message):
     """
 
     topic: ClassVar[str] = "events"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer")
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
@@ -42,6 +51,8 @@ class TrialRequest(Message):
     """
 
     topic: ClassVar[str] = "trial"
+    sent_by: ClassVar[tuple[str, ...]] = ("operator",)
+    heard_by: ClassVar[tuple[str, ...]] = ("worker",)
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number",)
     worker: Name
@@ -61,6 +72,8 @@ class TrialReply(Message):
     """
 
     topic: ClassVar[str] = "trial-result"
+    sent_by: ClassVar[tuple[str, ...]] = ("worker",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator",)
     addressed_by: ClassVar[str | None] = "worker"
     ordered_by: ClassVar[tuple[str, ...]] = ("number",)
     worker: Name
@@ -78,6 +91,8 @@ class CommandMessage(Message):
     """
 
     topic: ClassVar[str] = "command"
+    sent_by: ClassVar[tuple[str, ...]] = ("operator",)
+    heard_by: ClassVar[tuple[str, ...]] = ("robot",)
     any_run: ClassVar[bool] = True
     number: Count
     sender: Name
@@ -102,6 +117,8 @@ class Ack(Message):
     """
 
     topic: ClassVar[str] = "ack"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "sender"
     any_run: ClassVar[bool] = True
     number: Count
@@ -110,27 +127,68 @@ class Ack(Message):
     refusal: Annotated[str, Text(longest=1000)]
 
 
-@dataclass(frozen=True, eq=False)
-class WorkerHealth(Message):
-    """optimizer -> whoever watches: one of its workers, a few times a second.
+class WorkerStatus(NamedTuple):
+    """How one worker is.
 
     Attributes:
         worker: its name.
-        state: "answers", or why it is not asked.
+        state: "answers", or why it is not asked; cut where it is too long.
         rollouts_per_s: that can be counted on.
         lost: rollouts it was asked for and did not answer in time.
         silent_s: since its last answer [s]; -1 if there was none.
     """
 
+    worker: str
+    state: str
+    rollouts_per_s: float
+    lost: int
+    silent_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class WorkerHealth(Message):
+    """optimizer -> whoever watches: up to POOL_HEALTH of its workers, a few times a second.
+
+    Attributes:
+        source: id of the optimizer.
+        workers, states: (W,) texts; see WorkerStatus for these and the others.
+        rollouts_per_s, lost, silent_s: (W,).
+    """
+
     topic: ClassVar[str] = "worker-health"
-    addressed_by: ClassVar[str | None] = "worker"
+    sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
-    worker: Name
-    state: Annotated[str, Text(longest=200)]
-    rollouts_per_s: Annotated[float, Float(0.0)]
-    lost: Count
-    silent_s: Annotated[float, Float(-1.0)]
+    source: Name
+    workers: Annotated[tuple[str, ...], Lines("W", NAME_PATTERN)]
+    states: Annotated[tuple[str, ...], Lines("W", longest=STATE)]
+    rollouts_per_s: Annotated[np.ndarray, Array("f8", "W")]
+    lost: Annotated[np.ndarray, Array("i8", "W")]
+    silent_s: Annotated[np.ndarray, Array("f8", "W")]
+
+    @classmethod
+    def of(cls, run: str, source: str, told: Sequence[WorkerStatus]) -> "WorkerHealth":
+        """Put workers on the wire, at least one."""
+        states = tuple(" ".join(status.state.split())[:STATE] for status in told)
+        return cls(
+            run,
+            source,
+            tuple(status.worker for status in told),
+            states,
+            np.array([status.rollouts_per_s for status in told]),
+            np.array([status.lost for status in told], np.int64),
+            np.array([status.silent_s for status in told]),
+        )
+
+    @property
+    def told(self) -> list[WorkerStatus]:
+        """Each worker."""
+        numbers = self.rollouts_per_s.tolist(), self.lost.tolist(), self.silent_s.tolist()
+        return [
+            WorkerStatus(*all_) for all_ in zip(self.workers, self.states, *numbers, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +202,12 @@ class Health(Message):
     """
 
     topic: ClassVar[str] = "health"
+    sent_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "worker")
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
+    of_all: ClassVar[bool] = True
     source: Name
     mode: Annotated[str, Text(longest=40)]
     counters: Annotated[dict[str, int | float | str], Settings()]

@@ -133,6 +133,37 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Lines:
+    """Texts without line breaks, as many as a named dimension has; one text on the wire.
+
+    Each has up to `longest` characters and matches a pattern, if one is given.
+    """
+
+    dim: str
+    pattern: str | None = None
+    longest: int = 200
+
+    def pack(self, value: Any, dims: Dims) -> str:
+        """Accept what unpack accepts."""
+        if any("\n" in text for text in value):
+            raise WireError("field", "a text with a line break")
+        packed = "\n".join(value)
+        self.unpack(packed, dims)
+        return packed
+
+    def unpack(self, raw: Any, dims: Dims) -> tuple[str, ...]:
+        """Accept texts that match."""
+        if type(raw) is not str:
+            raise WireError("field", f"needs a text, got {type(raw).__name__}")
+        texts, rule = tuple(raw.split("\n")), Text(self.pattern, self.longest)
+        if dims.setdefault(self.dim, len(texts)) != len(texts):
+            raise WireError("shape", f"{len(texts)} texts are not {dims[self.dim]}")
+        for text in texts:
+            rule.unpack(text, dims)
+        return texts
+
+
+@dataclass(frozen=True)
 class Choice:
     """One of some texts (Literal)."""
 
@@ -274,10 +305,14 @@ class Record:
         """Pack every field."""
         if type(value) is not self.kind:
             raise WireError("field", f"needs {self.kind.__name__}, got {type(value).__name__}")
+        return self.pack_some({name: getattr(value, name) for name in self.rules}, dims)
+
+    def pack_some(self, values: Mapping[str, Any], dims: Dims) -> dict[str, Any]:
+        """Pack some fields, by name."""
         packed = {}
-        for name, rule in self.rules.items():
+        for name, value in values.items():
             try:
-                packed[name] = rule.pack(getattr(value, name), dims)
+                packed[name] = self.rules[name].pack(value, dims)
             except WireError as error:
                 raise WireError(error.reason, f"{name}: {error.detail}") from None
         return packed

@@ -101,6 +101,8 @@ def test_a_trace_is_written_without_a_viewer_if_asked_for(tmp_path, capsys, read
         (["spot/move_box", "--set", "rollouts=x"], "setting rollouts needs a value of type int"),
         (["spot/move_box", "--set", "rollouts=0"], "rollouts must be from 1 to"),
         (["spot/move_box", "--set", "horizon"], "is not of the form key=value"),
+        (["spot/move_box", "--set", "guidance=goal"], "unknown guidance 'goal'; valid: none, obj"),
+        (["spot/upright_box", "--set", "guidance=object"], "guidance=object is not for task 'spot"),
         (["spot/move_box", "--weight", "gaol=3"], "unknown cost term 'gaol'; valid: fall, goal, "),
         (["spot/move_box", "--weight", "goal"], "weight 'goal' is not of the form name=number"),
         (["spot/move_box", "--param", "gaol=3"], "unknown parameter 'gaol'; valid: goal, success"),

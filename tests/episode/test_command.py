@@ -249,3 +249,15 @@ def test_another_task_brings_its_own_settings_and_what_was_asked_for_stays():
     assert controls.following.planner == PlannerConfig.resolve(task.planner).changed(
         {"horizon": 2.0, "rollouts": 6}
     )
+
+
+def test_guidance_is_refused_where_there_is_nothing_to_guide():
+    task = load_task("spot/move_box")
+    controls = Controls(EpisodeConfig("spot/move_box"), task)
+    assert controls.apply(command("planner", "guidance", "object"), 0) == ""
+    assert controls.planner.guidance == "object"
+    refusal = controls.apply(command("task", "spot/upright_box"), 0)
+    assert refusal.startswith("guidance=object is not for task 'spot/upright_box': it has no goal")
+    upright = Controls(EpisodeConfig("spot/upright_box"), load_task("spot/upright_box"))
+    assert "it has no goal" in upright.apply(command("planner", "guidance", "object"), 0)
+    assert upright.planner.guidance == "none"

@@ -116,6 +116,7 @@ def test_candidates_of_ones_own_are_costed(mpc, state):
         ({"planner": {"rolouts": 3}}, "unknown setting 'rolouts'; valid: .*rollouts"),
         ({"planner": {"horizon": 0.5, "nodes": 0}}, "nodes must be from 1 to 100"),
         ({"planner": "rollouts=3"}, "planner must be values by name"),
+        ({"task": "g1/door_open", "planner": {"guidance": "object"}}, "is not for task 'g1/door"),
         ({"weight": {"gaol": 3}}, "unknown cost term 'gaol'; valid: .*goal"),
         ({"weight": {"goal": "much"}}, "weight 'goal' must be a number or several, got 'much'"),
         ({"weight": {"goal": (1, 2)}}, "needs one number"),

@@ -41,6 +41,13 @@ def quick():
     return recording
 
 
+def test_a_guided_episode_plans_otherwise_and_repeats(quick):
+    guided = replace(QUICK, guidance="object")
+    first, again = run(planner=guided)[0], run(planner=guided, threads=2)[0]
+    assert digests(first) == digests(again) != digests(quick)
+    assert first.config["episode"]["planner"]["guidance"] == "object"
+
+
 @pytest.mark.slow
 def test_two_seconds_with_default_settings():
     recording, ending = run(time_limit=2.0, planner=PlannerConfig(), threads=2)

@@ -7,6 +7,7 @@ from sumo_dist.faults.bridge import FaultBridge
 from sumo_dist.faults.script import Fault
 from sumo_dist.faults.tamper import TAMPERS
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.codec import encode
 from sumo_dist.wire.messages import State
 from sumo_dist.wire.session import open_router
 
@@ -63,6 +64,20 @@ def test_duplicates_arrive_twice_and_lost_ones_never(ends, eventually):
     bridge.set_faults(Fault("drop", 0, topics=("state",)))
     here.publish(state(2))
     assert eventually(lambda: bridge.counts["drop"] == 1)
+    assert inbox.empty()
+
+
+def test_a_narrow_link_sends_one_after_another_and_drops_what_would_wait_too_long(ends, eventually):
+    bridge, here, inbox, _ = ends
+    bits = 8 * len(encode(state(1)))
+    bridge.set_faults(Fault("narrow", 0, kbit_s=bits / 1e3 / 0.3))  # 0.3 s a message
+    began = time.monotonic()
+    for tick in range(6):
+        here.publish(state(tick))
+    assert [inbox.get(timeout=5.0).tick for _ in range(3)] == [0, 1, 2]
+    assert time.monotonic() - began >= 0.9
+    assert eventually(lambda: bridge.counts["narrow"] == 6)
+    time.sleep(0.5)
     assert inbox.empty()
 
 

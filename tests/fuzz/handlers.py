@@ -35,14 +35,14 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
 from sumo_dist.robots.guard import CommandGuard
 from sumo_dist.services.estimator import EstimatorServer
+from sumo_dist.services.inbox import Inbox
 from sumo_dist.services.optimizer import OptimizerOptions, OptimizerServer
-from sumo_dist.services.worker import Inbox
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import TICK, anchor_tick
 from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.codec import decode, encode, seal, unseal
-from sumo_dist.wire.keys import SCHEMA, Member, alive_key
+from sumo_dist.wire.keys import POOL, SCHEMA, Member, alive_key
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -64,9 +64,10 @@ from sumo_dist.wire.notices import (
     TrialReply,
     TrialRequest,
     WorkerHealth,
+    WorkerStatus,
 )
 
-RUN, ROBOT, WORKER = "run", "spot", "w-1"
+RUN, ROBOT, WORKER, ASKER = "run", "spot", "w-1", "o-1"
 NOW = 100  # the robot's tick
 CONFIG = EpisodeConfig("spot/move_box", planner=PlannerConfig(rollouts=8))
 COST = load_task(CONFIG.task).table.defaults
@@ -175,12 +176,12 @@ class MessageHandlers:
     def _start_optimizer(self) -> None:
         bus, stop, alone = self._bus(), threading.Event(), self._bus(session=_Session())
         self._slot = QuestionSlot(bus)
-        evaluator = _NoRollouts(alone, "-", stop, _tell)
+        evaluator = _NoRollouts(alone, ASKER, "-", stop, _tell)
         self._optimizer = OptimizerServer(OptimizerOptions(), bus, evaluator, _tell)
 
     def _gather(self) -> None:
         """Let a worker join an optimizer, which has eight candidates rolled out by it."""
-        self._evaluator = RemoteEvaluator(self._bus(RUN), "-", threading.Event(), _tell)
+        self._evaluator = RemoteEvaluator(self._bus(RUN), ASKER, "-", threading.Event(), _tell)
         state, memory = np.array(self._episode.body.truth), np.zeros(12, np.float32)
         self._request = PlanRequest(4, 10, state, memory, None, COST)
         self._knots = np.zeros((8, CONFIG.planner.nodes, 9), np.float32)
@@ -188,7 +189,7 @@ class MessageHandlers:
 
     def _join(self) -> None:
         """Let the worker join, as if for the first time."""
-        key = alive_key(ROBOT, Member("worker", WORKER, SCHEMA, "-"))
+        key = alive_key(POOL, Member("worker", WORKER, SCHEMA, "-"))
         for declared, callback in self._session.callbacks:
             if declared.startswith("sumo/alive/"):
                 callback(_Sample(key, b"", bus_module.zenoh.SampleKind.DELETE))
@@ -244,6 +245,8 @@ class MessageHandlers:
     def _plan(self) -> None:
         """Ask the worker, which has answered before the deadline or not."""
         self._evaluator._shard = 0  # an input means the same whenever it comes
+        if (worker := self._evaluator.workers.get(WORKER)) is not None:
+            worker.speed, worker.timely = 1e6, 1.0  # all rows are in one request
         self._evaluator.begin(self._episode.problem, CONFIG.planner, deadline=0.0)
         try:
             evaluation = self._evaluator(self._request, 0, self._knots)
@@ -259,7 +262,7 @@ class MessageHandlers:
         if not self._evaluator.workers:  # left out for good, as it should be: hire it again
             self.handled.add("refusal")
             self._join()
-        self._evaluator.workers.publish_health(self._evaluator._bus)
+        self._evaluator.workers.publish_health(self._evaluator._bus, ASKER)
 
     def _robot(self) -> None:
         """What the robot does with its newest plans, commands and state."""
@@ -319,7 +322,7 @@ class MessageHandlers:
                 self._optimizer.enter(info)
                 self.handled.add("episode")
             if question is not None:
-                self._optimizer.handle(question)
+                self._optimizer.handle(question, self._slot.arrived)
         except SumoError as error:
             self._optimizer.refuse(str(error))
             self.handled.add("refused question")
@@ -357,6 +360,7 @@ def samples(rng: np.random.Generator) -> list[Message]:
         *(("weight", "goal", "80"), ("parameter", "goal", "1,0"), ("planner", "rollouts", "9")),
         *(("pause", "", ""), ("reset", "", "7"), ("task", "spot/move_cone", ""), ("stop", "", "x")),
     )
+    refused = RUN, WORKER, ASKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0
     return [
         EpisodeInfo(RUN, CONFIG.to_json(), hash_, 1),
         EpisodeInfo("other", replace(CONFIG, seed=2).to_json(), hash_, 2),
@@ -370,19 +374,19 @@ def samples(rng: np.random.Generator) -> list[Message]:
         PlanMessage.of(RUN, PlanReport(plan, costs[:, 0], ok, costs[0], *cost, 30.0, 2.0)),
         NoPlan(RUN, "cost term 'mine': mine.py, line 3: ZeroDivisionError"),
         RolloutRequest(
-            *(RUN, WORKER, 4, 0, 1, 0, CONFIG.task, "ab12", "-", settings),
+            *(RUN, WORKER, ASKER, ROBOT, 4, 0, 1, 0, CONFIG.task, "ab12", "-", settings),
             *(state, memory, COST.parameters, np.zeros((8, 4, 9), np.float32), 40.0),
         ),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, costs, ok, 30.0, "", False),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "other task", False),
-        RolloutReply(RUN, WORKER, 4, 0, 1, 0, np.zeros((0, 0)), ok[:0], 0.0, "mine.py, 3", True),
-        Traces(RUN, WORKER, 4, 0, 0, rng.random((2, 2, 25, 3)).astype(np.float32)),
+        RolloutReply(RUN, WORKER, ASKER, 4, 0, 1, 0, costs, ok, 30.0, "", False),
+        RolloutReply(*refused, "other task", False),
+        RolloutReply(*refused, "mine.py, 3", True),
+        Traces(RUN, WORKER, ROBOT, 4, 0, 0, rng.random((2, 2, 25, 3)).astype(np.float32)),
         Event(RUN, "optimizer", "warning", "no workers"),
         EpisodeEnd(RUN, 700, "success", success=True, last=True),
         *(CommandMessage(RUN, n, "somebody", *command) for n, command in enumerate(commands)),
         Ack(RUN, 3, "somebody", 12, "unknown task"),
         Health(RUN, "robot", "running", {"tick": 7, "load": 0.5}),
-        WorkerHealth(RUN, WORKER, "answers", 800.0, 3, 0.5),
+        WorkerHealth.of(RUN, ASKER, [WorkerStatus(WORKER, "answers", 800.0, 3, 0.5)]),
         TrialRequest(RUN, "w-1.0", 3, "planned", CONFIG.to_json()),
         TrialReply(RUN, "w-1.0", 3, '{"task": "spot/move_box", "seed": 1}', ""),
     ]

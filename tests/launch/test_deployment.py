@@ -57,7 +57,7 @@ def test_only_the_robot_is_told_what_to_do():
     for service in others:
         known = {field.name for field in fields(service.options)}
         assert not known & {"episode", "task", "seed", "run"}
-        assert service.options.robot == "g1"
+        assert getattr(service.options, "robot", "g1") == "g1"  # a worker serves any
         parsed = tyro.cli(type(service.options), args=list(flags(service.options)))
         assert parsed == service.options
     assert [s.vital for s in others] == [False, True, True, False, False]

@@ -18,7 +18,8 @@ def start(*args):
     ("args", "message"),
     [
         (["rollout-worker", "--connect", "foo"], "'foo' is not an endpoint; valid: tcp/HOST:PORT"),
-        (["rollout-worker", "--robot", "a/b"], "robot 'a/b' is not a valid name"),
+        (["state-estimator", "--robot", "a/b"], "robot 'a/b' is not a valid name"),
+        (["tracer", "--robot", "pool"], "robot 'pool': the keys of rollout workers have this"),
         (["optimizer", "--engine", "warp"], "unknown engine 'warp'; valid: auto, fallback"),
     ],
 )

@@ -12,13 +12,24 @@ def plan(problem):
 
 
 def forward(problem, engine, plan, tick, until, start):
-    return roll_forward(engine, problem.task.actions, plan, tick, until, *start)
+    return roll_forward(engine, problem.task.actions, [plan], tick, until, *start)
 
 
 def test_predicts_what_the_engine_rolls_out_under_the_plan(problem, engine, plan, start):
     state, memory = forward(problem, engine, plan, 12, 17, start)
     commands = problem.task.actions.commands(plan.at(np.arange(12, 17)))
     rollouts = engine.rollout(*start, commands[None])
+    assert np.array_equal(state, rollouts.states[0, -1])
+    assert np.array_equal(memory, rollouts.memory[0])
+
+
+def test_plans_are_followed_in_turn_each_from_its_anchor(problem, engine, plan, start):
+    actions = problem.task.actions
+    later = Plan(1, 14, -plan.knots, 0.5, "linear")
+    last = Plan(2, 30, plan.knots, 0.5, "linear")
+    state, memory = roll_forward(engine, actions, [plan, later, last], 12, 17, *start)
+    followed = [plan.at(np.arange(12, 14)), later.at(np.arange(14, 17))]
+    rollouts = engine.rollout(*start, actions.commands(np.concatenate(followed))[None])
     assert np.array_equal(state, rollouts.states[0, -1])
     assert np.array_equal(memory, rollouts.memory[0])
 

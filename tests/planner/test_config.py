@@ -94,7 +94,7 @@ def test_bad_settings_say_what_is_valid(setting, message):
 def test_survives_the_wire():
     config = PlannerConfig(optimizer="mppi", horizon=0.8, rollouts=7)
     assert PlannerConfig.from_settings(asdict(config)) == config
-    since = "model", "placement"  # settings that there were not always
+    since = "model", "guidance", "placement"  # settings that there were not always
     before = {name: value for name, value in asdict(config).items() if name not in since}
     assert PlannerConfig.from_settings(before) == replace(config, model="full")
 
@@ -117,7 +117,7 @@ def test_the_hash_depends_on_every_setting_and_on_the_task():
     assert PlannerConfig().hash("task") == base
     assert PlannerConfig().hash("other") != base
     changes = {"optimizer": "cem", "spline": "zero", "timestep": 0.01, "execute": "best"}
-    changes |= {"model": "full", "placement": "near"}
+    changes |= {"model": "full", "guidance": "object", "placement": "near"}
     for name, value in asdict(PlannerConfig()).items():
         change = {name: changes[name] if name in changes else value + 1}
         assert PlannerConfig(**change).hash("task") != base, name

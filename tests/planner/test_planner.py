@@ -283,3 +283,54 @@ def test_parameters_travel_with_the_question():
     cost = CostSettings(np.ones(1), np.array([3.0, 4.0]))
     Planner(PlannerConfig(iterations=2), ACTIONS, seed=0).plan(request(cost=cost), look)
     assert seen == [[3.0, 4.0]] * 2
+
+
+WALK = np.tile([0.25, -0.5, 1.0], (4, 1))  # (F, 3) of the base
+
+
+def asked_with(guide, config):
+    """Candidates of every iteration of a plan that follows another one."""
+    bowl = Bowl()
+    previous = Planner(PlannerConfig(), ACTIONS, seed=0).plan(request(), Bowl()).plan
+    Planner(config, ACTIONS, 0, guide).plan(request(1, tick=3, previous=previous), bowl)
+    return bowl.asked
+
+
+@pytest.mark.parametrize("config", [PlannerConfig(iterations=2), replace(LINEAR, rollouts=2)])
+def test_what_a_guide_proposes_is_the_last_candidate_of_a_plan(config):
+    """Its base walks as proposed, its limbs move as in the last plan; all others are as ever."""
+    drawn, guided = asked_with(None, config), asked_with(lambda *_: WALK, config)
+    assert np.array_equal(guided[0][:-1], drawn[0][:-1])
+    assert guided[0][-1][-4:, :3] == pytest.approx(WALK)
+    assert np.array_equal(guided[0][-1][:, 3:], guided[0][0][:, 3:])
+    if config.iterations > 1:  # what came of it the next one begins with
+        assert not any(np.array_equal(row[-4:, :3], WALK) for row in guided[1][1:])
+
+
+def test_a_guide_is_asked_for_the_state_and_the_parameters_of_the_plan():
+    asked = []
+
+    def guide(state, parameters):
+        asked.append((state, parameters))
+        return WALK
+
+    made_for = request()
+    Planner(PlannerConfig(iterations=3), ACTIONS, 0, guide).plan(made_for, Bowl())
+    ((state, parameters),) = asked
+    assert state is made_for.state
+    assert parameters is made_for.cost.parameters
+
+
+def test_the_only_candidate_is_the_last_plan():
+    config = PlannerConfig(rollouts=1)
+    drawn, guided = asked_with(None, config), asked_with(lambda *_: WALK, config)
+    assert np.array_equal(guided[0], drawn[0])
+
+
+def test_a_walk_that_costs_least_is_the_plan():
+    def far_from_the_walk(_request, _iteration, knots):
+        return evaluation(((knots[:, -4:, :3] - WALK) ** 2).sum(axis=(1, 2)))
+
+    planner = Planner(PlannerConfig(), ACTIONS, 0, lambda *_: WALK)
+    plan = planner.plan(request(), far_from_the_walk).plan
+    assert plan.knots[1:, :3] == pytest.approx(WALK)

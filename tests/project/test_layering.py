@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 # Bottom to top: a room imports from itself and those before it. A file in sumo_dist/ is a room.
 ROOMS = (
     *("errors", "timing", "provenance", "priority", "load", "signals", "terminal"),
-    *("extras", "startup"),
+    *("extras", "startup", "authority"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
     *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),

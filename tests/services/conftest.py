@@ -272,9 +272,13 @@ def expected_digests():
 
     @cache
     def expected(
-        optimizer=QUICK.optimizer, time_limit=1.0, estimator="truth", task="spot/move_box"
+        optimizer=QUICK.optimizer,
+        time_limit=1.0,
+        estimator="truth",
+        task="spot/move_box",
+        guidance=QUICK.guidance,
     ):
-        planner = replace(QUICK, optimizer=optimizer)
+        planner = replace(QUICK, optimizer=optimizer, guidance=guidance)
         episode = EpisodeConfig(task, 1, planner, estimator=estimator, time_limit=time_limit)
         recording, _ = run_single(episode, threads=1)
         return digests(recording)

@@ -24,16 +24,22 @@ def no_traceback(capfd):
 
 
 @pytest.mark.parametrize(
-    ("workers", "threads", "optimizer"),
-    [(1, 1, "cem"), (1, 2, "mppi"), (2, 1, "ps"), (2, 2, "cem"), (5, 2, "cem")],
+    ("workers", "threads", "optimizer", "guidance"),
+    [
+        (1, 1, "cem", "none"),
+        (1, 2, "mppi", "none"),
+        (2, 1, "ps", "object"),
+        (2, 2, "cem", "none"),
+        (5, 2, "cem", "none"),
+    ],
 )
 def test_any_number_of_workers_and_threads_gives_the_same_bits(
-    run_system, expected_digests, config, workers, threads, optimizer
+    run_system, expected_digests, config, workers, threads, optimizer, guidance
 ):
-    planner = replace(config, optimizer=optimizer)
+    planner = replace(config, optimizer=optimizer, guidance=guidance)
     code, summary = run_system(workers, threads, planner=planner, time_limit=1.0).finish()
     assert (code, summary["end_reason"], summary["plans"]) == (1, "timeout", 20)
-    assert digests(summary) == expected_digests(optimizer)
+    assert digests(summary) == expected_digests(optimizer, guidance=guidance)
     # a worker that is slow to compile is asked twice: that is no loss
     assert summary["partial_plans"] == summary["missed_deadlines"] == 0
 
@@ -112,15 +118,15 @@ def test_without_an_estimator_the_run_ends_with_a_reason(run_system):
 
 
 @pytest.mark.skipif(find_spec("sumo_dist.rollout._native") is None, reason="not compiled here")
-def test_a_worker_of_another_build_is_refused_on_both_sides(run_system, capfd):
+def test_a_worker_of_another_build_is_told_on_both_sides_and_goes_on(run_system, capfd):
     system = run_system(workers=1, time_limit=0.5, wait=3.0, worker_engine="native-portable")
     code, summary = system.finish()
     assert code == 3
     assert summary["end_reason"] == "fault: no answer to the request for a plan in 3 s"
-    assert system.processes["local-0"].wait(10.0) == 3
+    assert system.processes["local-0"].poll() is None  # others may need it
     err = capfd.readouterr().err
     assert "worker local-0 is left out: its build is " in err
-    assert "sumo-dist: this worker does not fit the optimizer: its build is " in err
+    assert "cannot be served: its build is " in err
     remedy = "if only the instruction sets differ, give all of them --engine native-portable"
     assert err.count(remedy) == 2
 

@@ -156,7 +156,7 @@ class OnBus:
         self.blames = ""  # what of the task raises
         self.no_plan = self.bus.inbox(NoPlan)
         self.add_worker("w")
-        options = OptimizerOptions(endpoint, robot)
+        options = OptimizerOptions(connect=endpoint, robot=robot)
         self._optimizer = threading.Thread(target=run, args=(options, self._stop))
         self._optimizer.start()
         stack.callback(self._optimizer.join)
@@ -174,9 +174,10 @@ class OnBus:
         if self.loses(asked):
             return
         rows = len(asked.knots)
-        who = (asked.run, asked.worker, asked.number, asked.iteration, asked.shard, asked.start)
+        who = asked.run, asked.worker, asked.asker
+        what = asked.number, asked.iteration, asked.shard, asked.start
         costs = np.zeros((rows, self.terms)), np.ones(rows, bool)
-        self.bus.publish(RolloutReply(*who, *costs, 1.0, self.blames, bool(self.blames)))
+        self.bus.publish(RolloutReply(*who, *what, *costs, 1.0, self.blames, bool(self.blames)))
 
     def plan(self, info, question):
         """Tell of an episode and ask until there is a plan of it; return the plan."""
@@ -217,6 +218,27 @@ def test_one_question_of_a_tiny_speed_does_not_make_a_plan_wait(optimizer, info,
     waits = np.diff(optimizer.came)
     assert np.median(waits) < RESEND_S
     assert max(plan.plan_ms for plan in optimizer.plans) < 1e3 * RESEND_S
+
+
+def test_plans_are_made_for_when_the_robot_will_have_them(optimizer, info, realtime):
+    """Here it takes a plan and the next question three ticks to get across."""
+    way, tick_s, speed = 0.24, 0.08, 0.25
+    deadline, ahead = time.monotonic() + 60.0, []
+    for tick in itertools.count():
+        assert time.monotonic() < deadline, f"plans are {ahead} ticks ahead"
+        now, echo = time.monotonic(), {}
+        there = [(n, at) for n, at in enumerate(list(optimizer.came)) if at + way <= now]
+        if there:  # the newest plan that such a robot has, and since when
+            index, at = there[-1]
+            echo["heard"] = optimizer.plans[index].plan.number
+            echo["held_ms"] = (now - at - way) * 1e3
+        optimizer.bus.publish(info)
+        optimizer.bus.publish(realtime(tick, speed, **echo))
+        before = len(optimizer.plans)
+        time.sleep(tick_s)
+        ahead += [plan.plan.tick - tick for plan in optimizer.plans[before:]]
+        if len(there) > 9 and min(ahead[-3:]) >= 3 and optimizer.plans[-1].age_ticks >= 3:
+            break
 
 
 def test_a_task_that_raises_is_passed_on_until_the_next_episode(optimizer, info, question):
@@ -384,7 +406,7 @@ def test_it_tells_of_each_of_many_workers_and_its_own_health_stays_short(
     with ExitStack() as stack:
         optimizer = OnBus(stack, router, robot)
         heard, healths = {}, []
-        optimizer.bus.subscribe(WorkerHealth, lambda m: heard.update({m.worker: m}))
+        optimizer.bus.subscribe(WorkerHealth, lambda m: heard.update({w.worker: w for w in m.told}))
         optimizer.bus.subscribe(Health, healths.append)
         names = [f"{'a-host-of-a-very-long-name-in-a-far-away-rack':.55}-{i}" for i in range(20)]
         for name in names:
@@ -408,8 +430,10 @@ def test_a_server_takes_up_an_episode_once(router, robot, info, question, monkey
     """The robot says it again whenever it repeats a question."""
     told, built = [], []
     with Bus.dial(router, robot) as bus:
-        evaluator = RemoteEvaluator(bus, "build", threading.Event(), lambda *t: told.append(t))
-        options = OptimizerOptions(router, robot)
+        evaluator = RemoteEvaluator(
+            bus, "one", "build", threading.Event(), lambda *t: told.append(t)
+        )
+        options = OptimizerOptions(connect=router, robot=robot)
         with OptimizerServer(options, bus, evaluator, lambda *t: told.append(t)) as server:
             build = Problem.build
             monkeypatch.setattr(Problem, "build", lambda *a: built.append(a) or build(*a))
@@ -419,6 +443,6 @@ def test_a_server_takes_up_an_episode_once(router, robot, info, question, monkey
             with pytest.raises(SumoError, match="the task's files differ"):
                 server.enter(replace(info, run="bad", task_hash="0123"))
             assert bus.run == "bad"
-            server.handle(question(run="bad"))  # of an episode that is not taken up
+            server.handle(question(run="bad"), 0.0)  # of an episode that is not taken up
             server.enter(replace(info, run="good"))
     assert told == []

@@ -12,10 +12,14 @@ import pytest
 
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.services import router
-from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.bus import SHOUT, Bus
+from sumo_dist.wire.keys import POOL, ROUTER
 from sumo_dist.wire.messages import State
 
-RUN_ROUTER = "import sys; from sumo_dist.services.router import run; run(sys.argv[1])"
+RUN_ROUTER = (
+    "import sys; from sumo_dist.services.router import RouterOptions, run; "
+    "run(RouterOptions(sys.argv[1]))"
+)
 
 
 @pytest.fixture
@@ -53,10 +57,12 @@ def process(endpoint: str):
 
 
 @contextmanager
-def thread(endpoint: str, config=None):
+def thread(endpoint: str, **options):
     """Run a router in this process."""
     stop = threading.Event()
-    serving = threading.Thread(target=router.serve, args=[endpoint, stop, config])
+    serving = threading.Thread(
+        target=router.serve, args=[router.RouterOptions(endpoint, **options), stop]
+    )
     serving.start()
     try:
         yield
@@ -89,7 +95,7 @@ def test_a_taken_port_is_one_clear_error(endpoint):
     with thread(endpoint):
         assert eventually(lambda: accepts(endpoint), 20.0)
         with pytest.raises(SumoError, match=f"cannot listen on {endpoint}: the port is taken"):
-            router.serve(endpoint)
+            router.serve(router.RouterOptions(endpoint), threading.Event())
 
 
 def test_services_rejoin_a_restarted_router(endpoint):
@@ -121,30 +127,43 @@ def test_services_rejoin_a_restarted_router(endpoint):
             assert time.monotonic() - began < 10.0
 
 
-def test_access_rules_of_a_configuration_file_hold(endpoint, tmp_path):
-    config = tmp_path / "router.json5"
-    config.write_text(
-        """{ // nobody may say anything, and the file cannot widen where the router listens
-          listen: { endpoints: ["tcp/0.0.0.0:0"] },
-          access_control: { enabled: true, default_permission: "deny",
-                            rules: [], subjects: [], policies: [] } }"""
-    )
-    with thread(endpoint, config), Bus.dial(endpoint, "spot") as one:
-        assert not accepts(endpoint, "127.0.0.2")
-        with Bus.dial(endpoint, "spot") as other:
-            slot = other.newest(State)
-            one.publish(State("run", 0, np.zeros(51)))
-            assert slot.wait(0.3) is None
+# Beyond this machine
 
 
-@pytest.mark.parametrize("text", ["{", "{ no_such_section: 1 }"])
-def test_a_broken_configuration_file_is_one_clear_error(endpoint, tmp_path, text):
-    config = tmp_path / "router.json5"
-    config.write_text(text)
-    with pytest.raises(UsageError, match=r"router\.json5 is not a Zenoh configuration"):
-        router.serve(endpoint, config=config)
+@pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "192.0.2.1", "robot.example"])
+def test_without_keys_it_does_not_listen_beyond_this_machine(host):
+    with pytest.raises(UsageError, match=r"owns the robot: listen on tls/.* with --keys DIR"):
+        router.RouterOptions(f"tcp/{host}:7447")
+    router.RouterOptions(f"tcp/{host}:7447", insecure=True)
+    router.RouterOptions(f"tls/{host}:7447")  # the keys are asked for when it starts
 
 
-def test_a_missing_configuration_file_is_one_clear_error(endpoint, tmp_path):
-    with pytest.raises(UsageError, match="is not a Zenoh configuration"):
-        router.serve(endpoint, config=tmp_path / "none.json5")
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "localhost", "[::1]"])
+def test_loopback_needs_no_keys(host):
+    router.RouterOptions(f"tcp/{host}:7447")
+
+
+@pytest.mark.parametrize("local", ["tls/127.0.0.1:7448", "tcp/0.0.0.0:7448", "tcp/10.0.0.1:7448"])
+def test_the_endpoint_without_keys_is_on_loopback(local):
+    with pytest.raises(UsageError, match="local must be on loopback"):
+        router.RouterOptions("tls/0.0.0.0:7447", local)
+
+
+def test_tls_needs_keys(endpoint):
+    options = router.RouterOptions(endpoint.replace("tcp", "tls"))
+    with pytest.raises(UsageError, match=r"needs --keys DIR, a folder that `sumo-dist keys host`"):
+        router.serve(options, threading.Event())
+
+
+def test_an_insecure_router_is_shouted_about_by_whoever_dials_it(endpoint, caplog):
+    everywhere = endpoint.replace("127.0.0.1", "0.0.0.0")
+    with thread(everywhere, insecure=True), Bus.dial(endpoint, "spot"), Bus.dial(endpoint, POOL):
+        assert eventually(lambda: caplog.text.count(SHOUT) == 2, 20.0)
+    assert f"INSECURE: whoever reaches {everywhere} owns the robots here" in caplog.text
+
+
+def test_nobody_shouts_on_loopback(endpoint, caplog):
+    with thread(endpoint), Bus.dial(endpoint, "spot") as bus:
+        seen = bus.watch(ROUTER)
+        assert eventually(lambda: {member.build for member in seen.now} == {"open"}, 20.0)
+    assert "INSECURE" not in caplog.text

@@ -16,7 +16,7 @@ from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, State, Traces
-from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth
+from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth, WorkerStatus
 from sumo_dist.wire.session import open_router
 
 ROLLOUTS = 6
@@ -39,10 +39,10 @@ def info(run_id="r", number=1, task="spot/move_box"):
     return EpisodeInfo(run_id, config.to_json(), "hash", number)
 
 
-def shard(number, start, count, worker="w", iteration=0, run_id="r"):
+def shard(number, start, count, worker="w", iteration=0, run_id="r", robot="spot"):
     paths = np.full((count, 2, 25, 3), number, np.float32)
     paths[:, 0, 0, 0] = np.arange(start, start + count)  # which rollout it is
-    return Traces(run_id, worker, number, iteration, start, paths)
+    return Traces(run_id, worker, robot, number, iteration, start, paths)
 
 
 def test_a_full_backlog_drops_the_oldest_and_counts():
@@ -109,7 +109,7 @@ def tracing(router, tmp_path, request):
     robot = request.node.originalname.replace("_", "-")[:60]
     stop = threading.Event()
     changes = {"viewer": "none", **getattr(request, "param", {})}
-    options = TracerOptions(tmp_path, router, robot, **changes)
+    options = TracerOptions(out=tmp_path, connect=router, robot=robot, **changes)
 
     def start(tells=True):
         listens = threading.Event()
@@ -137,10 +137,10 @@ def publish_run(bus, ticks=13, run_id="r", task="spot/move_box"):
         bus.publish(State(run_id, tick, state))
         if tick % 5 == 0:
             number = tick // 5
-            bus.publish(shard(number, 0, 3, run_id=run_id))
+            bus.publish(shard(number, 0, 3, run_id=run_id, robot=bus.robot))
             bus.publish(PlanMessage.of(run_id, report(number)))
             bus.publish(PlanMessage.of(run_id, report(number)))  # as in lockstep, asked again
-            bus.publish(shard(number, 3, 3, run_id=run_id))
+            bus.publish(shard(number, 3, 3, run_id=run_id, robot=bus.robot))
     time.sleep(0.02)
     bus.publish(Event(run_id, "optimizer", "warning", "a plan was late"))
     time.sleep(0.02)
@@ -148,7 +148,7 @@ def publish_run(bus, ticks=13, run_id="r", task="spot/move_box"):
         told = {"refused": refused, "mode": state}
         bus.publish(Health("", "optimizer", "realtime", told))
         time.sleep(0.02)
-        bus.publish(WorkerHealth("", "w", state, 300.0, refused, 0.1))
+        bus.publish(WorkerHealth.of("", "o", [WorkerStatus("w", state, 300.0, refused, 0.1)]))
         time.sleep(0.02)
     bus.publish(Ack(run_id, 3, "tester", 12, "no such term"))
     bus.publish(Ack(run_id, 4, "tester", 12, ""))

@@ -15,8 +15,8 @@ from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.rollout import engine_identity
-from sumo_dist.services import serving
-from sumo_dist.services.worker import EvaluatorCache, Inbox, WorkerOptions, run, unique_name
+from sumo_dist.services import compiled, serving
+from sumo_dist.services.worker import EvaluatorCache, WorkerOptions, run, unique_name
 from sumo_dist.tasks import load_task
 from sumo_dist.wire import finding, routers
 from sumo_dist.wire.bus import Bus
@@ -32,6 +32,8 @@ def asked(problem, config):
     return RolloutRequest(
         run="run",
         worker="w-1",
+        asker="o-1",
+        robot="spot",
         number=3,
         iteration=0,
         shard=5,
@@ -51,6 +53,13 @@ def asked(problem, config):
 @pytest.fixture(scope="module")
 def cache():
     with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
+        yield cache
+
+
+@pytest.fixture
+def trusting(tmp_path):
+    """One that may run the test's files."""
+    with EvaluatorCache(WorkerOptions(name="w-1", trust=(tmp_path,))) as cache:
         yield cache
 
 
@@ -116,9 +125,9 @@ def task():
 
 
 def test_a_task_that_raises_is_blamed_and_the_worker_goes_on(
-    cache, asked, expected, tmp_path, config
+    trusting, asked, expected, tmp_path, config
 ):
-    path = tmp_path / "mine.py"
+    path, cache = tmp_path / "mine.py", trusting
     path.write_text(MINE)
     digest = Problem.build(load_task(str(path)), planning_options(config)).hash
     reply, traces = cache.answer(replace(asked, task=str(path), task_hash=digest))
@@ -188,32 +197,104 @@ def task():
 """
 
 
-def test_a_task_file_that_has_changed_is_loaded_again(asked, config, tmp_path):
-    """Between two sessions of a robot; the worker is the same."""
+def test_a_task_file_that_has_changed_is_loaded_again(trusting, asked, config, tmp_path):
+    """Between two sessions of a robot; the worker is the same. What it has compiled stays."""
     file = tmp_path / "offset.py"
 
-    def answered(cache):
+    def answered():
         problem = Problem.build(load_task(str(file)), planning_options(config))
         request = replace(asked, task=str(file), task_hash=problem.hash, number=asked.number + 1)
-        reply, _ = cache.answer(request)
+        reply, _ = trusting.answer(request)
         assert reply.refusal == ""
         return reply.terms[:, -1], problem.hash
 
-    with EvaluatorCache(WorkerOptions(name="w-1")) as cache:
-        file.write_text(TASK_FILE.format(offset=2.0))
-        before, old = answered(cache)
-        file.write_text(TASK_FILE.format(offset=30.0))
-        after, new = answered(cache)
-        assert old != new
-        assert (before == 2.0).all()
-        assert (after == 30.0).all()
-        refused, _ = cache.answer(replace(asked, task=str(file), task_hash=old))
-        assert "the task's files differ between the hosts" in refused.refusal
+    file.write_text(TASK_FILE.format(offset=2.0))
+    before, old = answered()
+    file.write_text(TASK_FILE.format(offset=30.0))
+    after, new = answered()
+    assert old != new
+    assert (before == 2.0).all()
+    assert (after == 30.0).all()
+    again, _ = trusting.answer(replace(asked, task=str(file), task_hash=old))
+    assert (again.terms[:, -1] == 2.0).all()
+    refused, _ = trusting.answer(replace(asked, task=str(file), task_hash="0123"))
+    assert "the task's files differ between the hosts" in refused.refusal
+
+
+@pytest.fixture
+def builds(monkeypatch):
+    """Tasks that are compiled, in turn."""
+    built, build = [], Problem.build
+
+    def counted(task, options):
+        built.append(task.name)
+        return build(task, options)
+
+    monkeypatch.setattr(Problem, "build", counted)
+    return built
+
+
+def test_tasks_that_alternate_are_compiled_once_and_old_ones_forgotten(asked, config, builds):
+    names = ("spot/move_box", "spot/move_cone", "spot/upright_cone")
+    requests, start = [], asked.state
+    for name in names:
+        problem = Problem.build(load_task(name), planning_options(config))
+        parameters = problem.task.table.defaults.parameters
+        changes = {"task": name, "task_hash": problem.hash, "parameters": parameters}
+        state = start if name == names[0] else draw_start(problem.task, seed=2)
+        requests.append(replace(asked, state=state, knots=asked.knots[:1], **changes))
+    builds.clear()
+    with pytest.MonkeyPatch.context() as patch, EvaluatorCache(WorkerOptions(name="w")) as cache:
+        for number in range(6):
+            for request in requests[:2]:
+                reply, _ = cache.answer(replace(request, number=number))
+                assert reply.refusal == ""
+        assert builds == [*names[:2]]
+        patch.setattr(compiled, "KEPT", 2)
+        cache.answer(requests[2])
+        cache.answer(requests[1])
+        assert builds == [*names]
+        cache.answer(requests[0])
+        assert builds == [*names, names[0]]
+
+
+def test_an_asker_of_another_hash_costs_one_compilation(cache, asked, builds):
+    for number in range(5):
+        reply, _ = cache.answer(replace(asked, task_hash="4567", number=number))
+        assert "has hash" in reply.refusal
+    assert len(builds) == 1
+
+
+@pytest.mark.parametrize("where", ["{0}/x.py", "{0}/ok/../x.py", "{0}/ok/link.py", "{0}/okay/x.py"])
+def test_a_file_that_is_not_trusted_is_not_run(asked, tmp_path, where):
+    ran = tmp_path / "ran"
+    for folder in ("ok", "okay"):
+        (tmp_path / folder).mkdir()
+    for path in ("x.py", "okay/x.py"):
+        (tmp_path / path).write_text(f"open({str(ran)!r}, 'w')")
+    (tmp_path / "ok" / "link.py").symlink_to(tmp_path / "x.py")
+    with EvaluatorCache(WorkerOptions(name="w", trust=(tmp_path / "ok",))) as cache:
+        reply, _ = cache.answer(replace(asked, task=where.format(tmp_path)))
+    assert re.fullmatch(
+        r"task file \S+ is not trusted on this host: start the worker with --trust \S+",
+        reply.refusal,
+    )
+    assert not ran.exists()
+    assert not reply.task_fails
+
+
+def test_more_rows_than_a_plan_has_are_refused(cache, asked, config):
+    many = np.zeros((config.rollouts + 1, config.nodes, 9), np.float32)
+    reply, _ = cache.answer(replace(asked, knots=many))
+    assert reply.refusal == f"{len(many)} rows of a plan of {config.rollouts} rollouts"
+    settings = {**asdict(config), "rollouts": 10**6}
+    reply, _ = cache.answer(replace(asked, settings=settings, knots=many))
+    assert "rollouts must be from 1 to 4096" in reply.refusal
 
 
 def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(router, robot):
     stop = threading.Event()
-    options = WorkerOptions(router, robot, "twin")
+    options = WorkerOptions(router, "twin")
     first = threading.Thread(target=run, args=(options, stop))
     with Bus.dial(router, robot) as bus:
         seen = threading.Event()
@@ -236,7 +317,7 @@ def test_a_name_is_free_again_once_its_worker_has_left(router, robot, eventually
         ghost = Bus.dial(router, robot)
         ghost.announce("worker", "w-1", engine_identity()[1])
         bus.watch("worker", lambda member, alive: changes.append(alive))
-        worker = threading.Thread(target=run, args=(WorkerOptions(router, robot, "w-1"), stop))
+        worker = threading.Thread(target=run, args=(WorkerOptions(router, "w-1"), stop))
         threading.Timer(0.4, ghost.close).start()
         worker.start()
         try:
@@ -259,7 +340,7 @@ def working(options):
         worker.join(30.0)
 
 
-def test_a_worker_that_is_told_nothing_finds_its_robot_and_says_whom_it_serves(
+def test_a_worker_that_is_told_nothing_finds_the_router_and_says_whom_it_serves(
     asked, endpoint, tmp_path, monkeypatch, caplog, eventually
 ):
     monkeypatch.setenv(routers.VARIABLE, str(tmp_path / "runtime"))
@@ -270,12 +351,11 @@ def test_a_worker_that_is_told_nothing_finds_its_robot_and_says_whom_it_serves(
         return [r.getMessage() for r in caplog.records if text in r.getMessage()]
 
     with working(WorkerOptions(name="w-1")), ExitStack() as stack:
-        stack.enter_context(open_router(endpoint))  # after the worker, and the robot after that
-        assert eventually(lambda: said("waiting for one"), 30.0)
+        stack.enter_context(open_router(endpoint))  # after the worker
         bus = stack.enter_context(Bus.dial(endpoint, "g1", run="run"))
-        bus.announce("robot", "main")
-        replies, workers = bus.inbox(RolloutReply), bus.watch("worker")
+        replies, workers = bus.inbox(RolloutReply, "o-1"), bus.watch("worker")
         assert eventually(lambda: workers.now, 30.0)
+        asked = replace(asked, robot="g1")
         for number in (3, 4, 5):
             bus.publish(replace(asked, number=number))
             assert replies.get(timeout=60.0).refusal == ""
@@ -289,29 +369,65 @@ def test_a_worker_that_is_told_nothing_finds_its_robot_and_says_whom_it_serves(
     whom, why, again = said("serving g1")
     assert whom == again == line
     assert "the task's files differ between the hosts" in why
-    assert len(said("waiting")) == 1
 
 
-def test_a_worker_for_a_robot_that_nobody_plans_for_says_who_is_there(
-    router, robot, monkeypatch, caplog, eventually
-):
+def test_a_worker_that_nobody_needs_says_so_once(endpoint, monkeypatch, caplog, eventually):
     monkeypatch.setattr(serving, "PATIENCE_S", 0.2)
-    with Bus.dial(router, f"{robot[:50]}-other") as bus:
-        bus.announce("robot", "main")
-        with working(WorkerOptions(router, robot, "w-1")):
-            line = f"nobody plans for {robot} at {router}; there is work with "
-            assert eventually(lambda: line in caplog.text, 30.0)
-            assert f"--robot {robot[:50]}-other" in caplog.text
-            time.sleep(1.0)
+    with open_router(endpoint), working(WorkerOptions(endpoint, "w-1")):
+        assert eventually(lambda: f"nobody plans at {endpoint}" in caplog.text, 30.0)
+        time.sleep(1.0)
     assert caplog.text.count("nobody plans") == 1
 
 
-def test_a_worker_does_not_choose_among_robots(router, robot):
-    with Bus.dial(router, f"{robot[:50]}-1") as one, Bus.dial(router, f"{robot[:50]}-2") as two:
-        one.announce("robot", "main")
-        two.announce("robot", "main")
-        with pytest.raises(UsageError, match=r"robots are here, choose one: .*--robot \S+-1 for"):
-            run(WorkerOptions(router, name="w-1", give_way=False), threading.Event())
+def test_a_worker_does_not_choose_among_routers(tmp_path, monkeypatch, free_endpoint):
+    monkeypatch.setenv(routers.VARIABLE, str(tmp_path))
+    with ExitStack() as stack:
+        endpoints = [free_endpoint(), free_endpoint()]
+        for endpoint, what in zip(endpoints, ("one run", "another run"), strict=True):
+            stack.enter_context(open_router(endpoint))
+            note = routers.LocalRouter(endpoint, what, os.getpid())
+            stack.enter_context(routers.left_note(note))
+        with pytest.raises(UsageError, match="2 routers are here, choose one: ") as several:
+            run(WorkerOptions(name="w-1", give_way=False), threading.Event())
+    for endpoint, what in zip(endpoints, ("one run", "another run"), strict=True):
+        assert f"--connect {endpoint} for {what}, process" in str(several.value)
+
+
+def test_an_optimizer_of_another_build_ends_no_worker(endpoint, asked, caplog, eventually):
+    """It is told, and whoever has the same build is served."""
+    with (
+        open_router(endpoint),
+        working(WorkerOptions(endpoint, "w-1")),
+        Bus.dial(endpoint, "spot", run="run") as bus,
+    ):
+        workers, replies = bus.watch("worker"), bus.inbox(RolloutReply, "o-1")
+        assert eventually(lambda: workers.now, 30.0)
+        bus.announce("optimizer", "old", "of-last-year")
+        assert eventually(lambda: "optimizer old cannot be served: its build is" in caplog.text)
+        bus.publish(asked)
+        assert replies.get(timeout=60.0).refusal == ""
+
+
+def test_one_worker_serves_two_robots_and_each_hears_its_own_answers(endpoint, asked, eventually):
+    with ExitStack() as stack:
+        stack.enter_context(open_router(endpoint))
+        stack.enter_context(working(WorkerOptions(endpoint, "w-1")))
+        inboxes = {}
+        for robot in ("spot", "spot-2"):
+            bus = stack.enter_context(Bus.dial(endpoint, robot, run=robot))
+            inboxes[robot] = bus, bus.inbox(RolloutReply, f"o-{robot}")
+        workers = bus.watch("worker")
+        assert eventually(lambda: workers.now, 30.0)
+        for number in range(3):
+            for robot, (bus, _) in inboxes.items():
+                mine = replace(asked, run=robot, robot=robot, asker=f"o-{robot}", number=number)
+                bus.publish(mine)
+            for robot, (_, replies) in inboxes.items():
+                reply = replies.get(timeout=60.0)
+                assert (reply.run, reply.number, reply.refusal) == (robot, number, "")
+        for bus, replies in inboxes.values():
+            assert replies.empty()
+            assert not bus.rejected
 
 
 @pytest.mark.parametrize(("give_way", "niceness"), [(True, 10), (False, 0)])
@@ -319,7 +435,7 @@ def test_a_worker_gives_way_unless_told_not_to(router, robot, give_way, niceness
     code = (
         "import os, threading; from sumo_dist.services.worker import WorkerOptions, run\n"
         "stop = threading.Event(); stop.set(); before = os.nice(0)\n"
-        f"run(WorkerOptions({router!r}, {robot!r}, 'w-1', give_way={give_way}), stop)\n"
+        f"run(WorkerOptions({router!r}, 'w-1', give_way={give_way}), stop)\n"
         "print(os.nice(0) - before)"
     )
     command = [sys.executable, "-P", "-c", code]
@@ -330,54 +446,3 @@ def test_a_worker_gives_way_unless_told_not_to(router, robot, give_way, niceness
 
 def test_a_default_name_is_unique_on_the_bus():
     assert checked_name("worker", unique_name()) == unique_name()
-
-
-def starts(inbox):
-    """Starts of the requests that are still waiting."""
-    found = []
-    while (request := inbox.get(timeout=0.0)) is not None:
-        found.append((request.run, request.number, request.start))
-    return found
-
-
-@pytest.fixture
-def inbox():
-    return Inbox()
-
-
-def test_the_shards_of_one_plan_are_worked_off_in_turn(inbox, asked):
-    for start in (0, 4, 8):
-        inbox.put(replace(asked, start=start))
-    assert starts(inbox) == [("run", 3, 0), ("run", 3, 4), ("run", 3, 8)]
-
-
-def test_a_newer_plan_drops_the_older_one(inbox, asked):
-    inbox.put(replace(asked, number=3))
-    inbox.put(replace(asked, number=4, start=8))
-    inbox.put(replace(asked, number=3, start=4))
-    assert starts(inbox) == [("run", 4, 8)]
-
-
-def test_a_later_iteration_drops_the_earlier_one(inbox, asked):
-    inbox.put(replace(asked, iteration=1))
-    inbox.put(replace(asked, iteration=0, start=4))
-    assert starts(inbox) == [("run", 3, 0)]
-
-
-def test_another_run_drops_the_last_one_whatever_its_number(inbox, asked):
-    inbox.put(replace(asked, number=90))
-    inbox.put(replace(asked, run="next", number=0))
-    assert starts(inbox) == [("next", 0, 0)]
-
-
-def test_a_request_whose_time_is_up_is_not_answered(inbox, asked):
-    inbox.put(replace(asked, reply_budget_ms=30.0))
-    inbox.put(replace(asked, start=4, reply_budget_ms=5000.0))
-    time.sleep(0.05)
-    assert starts(inbox) == [("run", 3, 4)]
-
-
-def test_waits_for_a_request_no_longer_than_told(inbox):
-    began = time.monotonic()
-    assert inbox.get(timeout=0.1) is None
-    assert 0.09 < time.monotonic() - began < 0.5

@@ -8,6 +8,8 @@ from sumo_dist.errors import UsageError
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.robots.joint_actions import joint_actions
+from sumo_dist.robots.spot import SPOT
 from sumo_dist.tasks import load_task, task_names
 from sumo_dist.tasks.task import Goal
 
@@ -153,3 +155,48 @@ def test_wrong_settings_are_refused_where_the_task_is_made(move_box, planner, me
 def test_g1s_tasks_are_run_as_they_were_measured(name):
     planner = PlannerConfig.resolve(load_task(name).planner)
     assert planner == PlannerConfig("cem", horizon=2.5, nodes=7, base_noise=1.0)
+
+
+GUIDED = PlannerConfig(guidance="object")
+
+
+def test_a_goal_is_for_the_object_that_its_frame_is_a_part_of(move_box):
+    assert move_box.goal_object == "box"
+    frames = {**move_box.frames, "corner": FrameRef("site", "box/corner")}
+    assert replace(move_box, frames=frames, goal=Goal("corner", 0.0)).goal_object == "box"
+    assert replace(move_box, goal=(1.0, 2.0, 0.0)).goal_object == "box"
+    assert replace(move_box, goal=Goal("gripper", 0.0)).goal_object == ""
+    assert load_task("g1/door_open").goal_object == load_task("spot/upright_box").goal_object == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "why"),
+    [
+        ("spot/upright_box", {}, "it has no goal"),
+        ("g1/door_open", {}, "its goal is for 'base', which is no object that moves freely"),
+        ("spot/move_box", {"goal": None}, "it has no goal"),
+        ("spot/move_box", {"goal": Goal("gripper", 0.0)}, "its goal is for 'gripper', which is no"),
+        ("spot/move_box", {"actions": joint_actions(SPOT)}, "its actions do not search the base's"),
+    ],
+)
+def test_guidance_needs_an_object_with_a_goal_and_a_base(name, changes, why):
+    task = replace(load_task(name), **changes)
+    task.check_settings(PlannerConfig())
+    with pytest.raises(UsageError, match=f"^guidance=object is not for task '{name}': {why}"):
+        task.check_settings(GUIDED)
+    with pytest.raises(UsageError, match=f"task '{name}': planner: guidance=object is not for"):
+        replace(task, planner={"guidance": "object"})
+
+
+def test_a_base_that_cannot_walk_sideways_is_not_guided(move_box):
+    actions = move_box.actions
+    lower, upper = actions.lower.copy(), actions.upper.copy()
+    lower[1] = upper[1] = 0.0
+    task = replace(move_box, actions=replace(actions, lower=lower, upper=upper))
+    with pytest.raises(UsageError, match="do not search the base's velocities x, y and yaw"):
+        task.check_settings(GUIDED)
+
+
+def test_a_task_may_state_its_guidance(move_box):
+    task = replace(move_box, planner={"guidance": "object"})
+    assert PlannerConfig.resolve(task.planner) == GUIDED

@@ -2,6 +2,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from queue import Empty
 
 import numpy as np
@@ -11,7 +12,7 @@ from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire import bus as bus_module
 from sumo_dist.wire.bus import Bus, Newest
 from sumo_dist.wire.codec import encode, seal, unseal
-from sumo_dist.wire.keys import SCHEMA, Member, alive_key, topic_key
+from sumo_dist.wire.keys import POOL, SCHEMA, Member, alive_key, topic_key
 from sumo_dist.wire.messages import EpisodeInfo, RolloutReply, State
 from sumo_dist.wire.notices import Ack, CommandMessage
 from sumo_dist.wire.session import open_client, open_router
@@ -23,9 +24,9 @@ def state(tick: int, run: str = "run") -> State:
     return State(run, tick, STATE)
 
 
-def reply(worker: str, number: int) -> RolloutReply:
+def reply(asker: str, number: int) -> RolloutReply:
     return RolloutReply(
-        "run", worker, number, 0, 0, 0, np.ones((4, 3)), np.ones(4, bool), 1.0, "", False
+        "run", "w-1", asker, number, 0, 0, 0, np.ones((4, 3)), np.ones(4, bool), 1.0, "", False
     )
 
 
@@ -71,12 +72,12 @@ def test_messages_arrive_in_order(pair):
 
 def test_an_addressed_topic_reaches_one_or_all(pair):
     sender, receiver = pair
-    of_one, of_all = receiver.inbox(RolloutReply, "w-1"), receiver.inbox(RolloutReply)
+    of_one, of_all = receiver.inbox(RolloutReply, "o-1"), receiver.inbox(RolloutReply)
     listening(receiver, sender)
-    for worker in ("w-1", "w-2"):
-        sender.publish(reply(worker, 0))
-    assert {of_all.get(timeout=10.0).worker for _ in range(2)} == {"w-1", "w-2"}
-    assert of_one.get(timeout=10.0).worker == "w-1"
+    for asker in ("o-1", "o-2"):
+        sender.publish(reply(asker, 0))
+    assert {of_all.get(timeout=10.0).asker for _ in range(2)} == {"o-1", "o-2"}
+    assert of_one.get(timeout=10.0).asker == "o-1"
     with pytest.raises(Empty):
         of_one.get(timeout=0.1)
 
@@ -211,9 +212,7 @@ def test_members_are_seen_whether_they_came_before_or_after(pair, router):
 def test_members_of_other_versions_are_seen(pair, raw):
     watcher, _ = pair
     foreign = Member("worker", "old", SCHEMA + 1, "a build")
-    token = raw.liveliness().declare_token(
-        alive_key("test-members-of-other-versions-are-seen", foreign)
-    )
+    token = raw.liveliness().declare_token(alive_key(POOL, foreign))
     members = watcher.watch("worker")
     assert eventually(lambda: members.now == {foreign})
     token.undeclare()
@@ -242,13 +241,12 @@ def test_no_router_is_one_clear_error(free_endpoint):
 
 def test_dialling_waits_for_the_router(free_endpoint):
     endpoint = free_endpoint()
-    routers = []
-    late = threading.Timer(0.3, lambda: routers.append(open_router(endpoint)))
-    late.start()
-    with Bus.dial(endpoint, "spot", timeout=10.0) as bus:
-        bus.publish(state(0))
-    late.join()
-    routers[0].close()
+    with ExitStack() as stack:
+        late = threading.Timer(0.3, lambda: stack.enter_context(open_router(endpoint)))
+        late.start()
+        with Bus.dial(endpoint, "spot", timeout=10.0) as bus:
+            bus.publish(state(0))
+        late.join()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
-from sumo_dist.wire.codec import decode, encode, seal, unseal
+from sumo_dist.wire.codec import Template, decode, encode, seal, unseal
 from sumo_dist.wire.keys import SCHEMA
 from sumo_dist.wire.messages import (
     EpisodeEnd,
@@ -34,6 +34,7 @@ from sumo_dist.wire.notices import (
     TrialReply,
     TrialRequest,
     WorkerHealth,
+    WorkerStatus,
 )
 from sumo_dist.wire.schema import MAX_BYTES, WireError, record
 
@@ -64,15 +65,17 @@ MESSAGES = [
         RNG.random(4), 31.5, 2.25, 2, 0, 4, 1, False, 2,
     ),
     RolloutRequest(
-        RUN, "w-1", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", SETTINGS,
+        RUN, "w-1", "o-1", "spot", 4, 0, 1, 16, "spot/move_box", "ab12", "native-avx2", SETTINGS,
         RNG.random(51), np.zeros(25, np.float32), RNG.random(4),
         RNG.random((16, 4, 9)).astype(np.float32), 40.0,
     ),
-    RolloutReply(RUN, "w-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, "", False),
     RolloutReply(
-        RUN, "w-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task", True
+        RUN, "w-1", "o-1", 4, 0, 1, 16, RNG.random((16, 6)), np.ones(16, bool), 30.0, "", False
     ),
-    Traces(RUN, "w-1", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
+    RolloutReply(
+        RUN, "w-1", "o-1", 4, 0, 1, 16, np.zeros((0, 0)), np.zeros(0, bool), 0.0, "other task", True
+    ),
+    Traces(RUN, "w-1", "spot", 4, 0, 16, RNG.random((16, 2, 25, 3)).astype(np.float32)),
     Event(RUN, "optimizer", "warning", "no workers: keeping the plan"),
     EpisodeEnd(RUN, 700, "success", True, False),
     TrialRequest(RUN, "w-1.0", 4, "planned", '{"task": "spot/move_box", "seed": 3}'),
@@ -81,7 +84,10 @@ MESSAGES = [
     Ack(RUN, 3, "somebody", 120, "unknown cost term"),
     EpisodeInfo(RUN, '{"task": "spot/move_box"}', "ab12", 2),
     Health(RUN, "robot", "running", {"tick": 7, "load": 0.5, "build": "x"}),
-    WorkerHealth(RUN, "w-1", "answers", 310.0, 4, 0.25),
+    WorkerHealth.of(
+        RUN, "o-1",
+        [WorkerStatus("w-1", "answers", 310.0, 4, 0.25), WorkerStatus("w-2", "", 0.0, 0, -1.0)],
+    ),
 ]  # fmt: skip
 STATE = next(m for m in MESSAGES if isinstance(m, State))
 REQUEST = next(m for m in MESSAGES if isinstance(m, RolloutRequest))
@@ -125,6 +131,26 @@ def test_messages_survive_bit_for_bit(message):
     assert_equal(message, decode(type(message), encode(message)))
 
 
+def test_what_a_template_encodes_is_what_its_messages_would_be():
+    own = ("worker", "shard", "knots", "priority")
+    template = Template(REQUEST, own)
+    for shard, worker in enumerate(("w-1", "w-2")):
+        message = replace(
+            REQUEST, worker=worker, shard=shard, knots=REQUEST.knots[shard : shard + 3]
+        )
+        payload = template.encode(**{name: getattr(message, name) for name in own})
+        assert_equal(message, decode(RolloutRequest, payload))
+    with pytest.raises(WireError, match="knots"):
+        template.encode(
+            worker="w", shard=0, knots=np.full((1, 4, 9), np.nan, np.float32), priority=0
+        )
+
+
+def test_texts_with_line_breaks_are_not_lines():
+    with pytest.raises(WireError, match="line break"):
+        encode(replace(WORKER, states=("answers", "one\ntwo")))
+
+
 def test_decoded_arrays_are_read_only_and_aligned():
     knots = decode(RolloutRequest, encode(REQUEST)).knots
     assert not knots.flags.writeable
@@ -138,7 +164,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (5, "811024a1f35c65ee"), (
+    assert (SCHEMA, digest) == (6, "719df7c5afd96132"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 
@@ -212,8 +238,8 @@ def test_bad_fields_have_named_reasons(changes, reason):
         (INFO, {"task_hash": "x" * 65}, "size"),
         (INFO, {"number": -1}, "range"),
         (HEALTH, {"counters": {"tick": None}}, "field"),
-        (WORKER, {"silent_s": -2.0}, "range"),
-        (WORKER, {"rollouts_per_s": -1.0}, "range"),
+        (WORKER, {"workers": "w-1\nnot a name"}, "range"),
+        (WORKER, {"states": "answers"}, "shape"),
     ],
 )
 def test_rules_of_other_messages(message, changes, reason):

@@ -22,9 +22,9 @@ from sumo_dist.episode.ending import End
 from sumo_dist.errors import SumoError, TaskError, UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
+from sumo_dist.services.router import RouterOptions
 from sumo_dist.tasks import load_task, task_names
 from sumo_dist.terminal import say
-from sumo_dist.wire.session import checked_endpoint
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,10 @@ class Settings:
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
         jobs: trials at a time in this machine's processes; by default one for each core.
-        listen: endpoint for `sumo-dist trial-worker` of other hosts, such as tcp/0.0.0.0:7448;
+        listen: endpoint for `sumo-dist trial-worker` of other hosts, such as tls/0.0.0.0:7448;
             with it, jobs may be 0.
+        keys: folder of this host's router from `sumo-dist keys host`, to listen with TLS.
+        insecure: let anybody in without keys at a --listen beyond this machine.
         plant: nominal, perturbed or hard, see `sumo-dist run --help`.
         estimator: truth or lowpass.
         weight: weights of cost terms in place of the tasks', such as goal=80.
@@ -57,6 +59,8 @@ class Settings:
     time_limit: float | None = None
     jobs: int | None = None
     listen: str | None = None
+    keys: Path | None = None
+    insecure: bool = False
     plant: str = "nominal"
     estimator: str = "truth"
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -65,8 +69,14 @@ class Settings:
     def __post_init__(self) -> None:
         check_at_least(1, trials=self.trials)
         check_at_least(1 if self.listen is None else 0, jobs=self.jobs)
-        if self.listen is not None:
-            checked_endpoint(self.listen)
+        _ = self.router  # its checks are these options', too
+
+    @property
+    def router(self) -> RouterOptions | None:
+        """The router for trial workers, if there is to be one."""
+        if self.listen is None:
+            return None
+        return RouterOptions(self.listen, keys=self.keys, insecure=self.insecure)
 
     @property
     def seeds(self) -> range:
@@ -108,7 +118,7 @@ class Campaign:
         self.trials = trials
         self.name = name
         self._jobs = cores() if settings.jobs is None else settings.jobs
-        self._listen = settings.listen
+        self._router = settings.router
         self._episodes = {trial: settings.episode(trial.task, trial.seed) for trial in trials}
         self._common = common_settings(next(iter(self._episodes.values())))
         one_each = {episode.task: episode for episode in self._episodes.values()}
@@ -201,14 +211,14 @@ class Campaign:
 
     def _run_each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
         """Yield jobs with their rows; recordings are made here, where their folder is."""
-        remote = self._listen is not None and todo and not any(job.folder for job in todo)
+        remote = self._router is not None and todo and not any(job.folder for job in todo)
         began, died, refused = time.monotonic(), 0, list[TaskError]()
         with ExitStack() as stack:
             jobs = self._jobs if remote else max(1, self._jobs)
             runners = stack.enter_context(processes(run_trial, jobs))
-            if remote and self._listen is not None:
+            if remote and self._router is not None:
                 build = self._common["engine_build"]
-                stack.enter_context(remote_workers(self._listen, build, runners, say))
+                stack.enter_context(remote_workers(self._router, build, runners, say))
             for number, (job, row) in enumerate(runners.run_each(todo), 1):
                 left = (time.monotonic() - began) / number * (len(todo) - number)
                 sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")

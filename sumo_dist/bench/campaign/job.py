@@ -147,9 +147,11 @@ def task_settings(episode: EpisodeConfig) -> Row:
     """Return what all rows of a task share; compiles the task, so its errors come here.
 
     Raises:
-        UsageError: there is no such task, or the episode's weights and parameters are not its own.
+        UsageError: there is no such task, or the episode's weights, parameters or settings are none
+            that it can have.
     """
     task = load_task(episode.task)
+    task.check_settings(episode.planner)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
     return {

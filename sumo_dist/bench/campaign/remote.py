@@ -6,6 +6,7 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from queue import Empty
 from typing import Any
 
@@ -13,10 +14,11 @@ from sumo_dist.bench.campaign.job import Job
 from sumo_dist.bench.campaign.processes import JobLost, Runners
 from sumo_dist.dispatch.workers import misfit
 from sumo_dist.launch.launcher import dialled, listening
+from sumo_dist.services.router import RouterOptions, opened, revoked_by
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.notices import TrialReply, TrialRequest
-from sumo_dist.wire.session import open_router
+from sumo_dist.wire.session import is_secure
 
 BENCH = "bench"  # in the place of a robot's name in keys
 ROLE = "trial-worker"
@@ -27,17 +29,25 @@ Tell = Callable[[str], None]
 
 
 @contextmanager
-def remote_workers(listen: str, build: str, runners: Runners[Job], tell: Tell) -> Iterator[None]:
+def remote_workers(
+    router: RouterOptions, build: str, runners: Runners[Job], tell: Tell
+) -> Iterator[None]:
     """Open a port for trial workers and let those that come run jobs.
 
     Args:
-        listen: endpoint, such as tcp/0.0.0.0:7447.
+        router: where to listen, such as tls/0.0.0.0:7447, and with what keys.
         build: engine build that workers must have.
         runners: gets the workers.
         tell: takes notices.
     """
-    endpoint = listening(listen)
-    with open_router(endpoint), Bus.dial(dialled(endpoint), BENCH, run=uuid.uuid4().hex) as bus:
+    endpoint, here = listening(router.listen), None
+    if is_secure(endpoint):  # where the campaign itself needs no keys
+        here = listening("tcp/127.0.0.1:0")
+    router = replace(router, listen=endpoint, local=here)
+    with (
+        opened(router, revoked_by(router)),
+        Bus.dial(here or dialled(endpoint), BENCH, run=uuid.uuid4().hex) as bus,
+    ):
         numbers, present = itertools.count(), dict[str, threading.Event]()
 
         def on_change(member: Member, alive: bool) -> None:

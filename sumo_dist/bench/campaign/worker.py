@@ -5,6 +5,7 @@ import logging
 import threading
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from sumo_dist.bench.campaign.job import run_alone
 from sumo_dist.bench.campaign.processes import JobProcess
@@ -15,7 +16,8 @@ from sumo_dist.launch.serve import service
 from sumo_dist.provenance import cores
 from sumo_dist.services.worker import unique_name
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.keys import checked_name
+from sumo_dist.wire.connection import keys_for
+from sumo_dist.wire.keys import WORKER, checked_name
 from sumo_dist.wire.notices import TrialReply, TrialRequest
 from sumo_dist.wire.session import DEFAULT_ENDPOINT
 
@@ -30,12 +32,14 @@ class Options:
 
     Attributes:
         connect: the campaign's endpoint, see `--listen` of the benches.
+        keys: folder from `sumo-dist keys host` for the role worker, for an endpoint with TLS.
         name: unique among the workers; by default host and process.
         jobs: trials at a time; by default one for each core.
         engine: kind of rollout engine that it offers, see rollout.make_engine.
     """
 
     connect: str = DEFAULT_ENDPOINT
+    keys: Path | None = None
     name: str = field(default_factory=unique_name)
     jobs: int = field(default_factory=cores)
     engine: str = "auto"
@@ -56,7 +60,11 @@ def main(options: Options) -> int:
 def run(options: Options, stop: threading.Event) -> None:
     """Serve until told to stop; trials that are under way end with it."""
     _, build = checked_engine(options.engine)
-    with Bus.dial(options.connect, BENCH) as bus, ThreadPoolExecutor(options.jobs) as threads:
+    keys = keys_for(options.connect, options.keys, WORKER)
+    with (
+        Bus.dial(options.connect, BENCH, keys=keys) as bus,
+        ThreadPoolExecutor(options.jobs) as threads,
+    ):
         slots = [TrialSlot(f"{options.name}.{i}", bus) for i in range(options.jobs)]
         for slot in slots:
             bus.announce(ROLE, slot.name, build)

@@ -22,6 +22,7 @@ from sumo_dist.estimate import make_estimator
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import Planner
 from sumo_dist.provenance import cores
@@ -120,7 +121,8 @@ class LatePlanner:
         """Start with no plan under way."""
         self._trial, self._episode, self._engine = trial, episode, engine
         self._actions = episode.task.actions
-        self._planner = Planner(trial.episode.planner, self._actions, trial.episode.seed)
+        guide = make_guide(episode.problem, trial.episode.planner)
+        self._planner = Planner(trial.episode.planner, self._actions, trial.episode.seed, guide)
         evaluator = Evaluator(episode.problem, engine, trial.episode.planner)
         self._evaluate = lambda request, _iteration, knots: evaluator(
             request.state, request.memory, request.cost.parameters, knots
@@ -157,7 +159,7 @@ class LatePlanner:
         ends = [max(tick, plan.tick) for plan in plans[1:]] + [until]
         for plan, end in zip(plans, ends, strict=True):
             state, memory = roll_forward(
-                self._engine, self._actions, plan, tick, end, state, memory
+                self._engine, self._actions, [plan], tick, end, state, memory
             )
             tick = max(tick, end)
         return state, memory

@@ -57,6 +57,10 @@ def test_cells_take_turns_and_go_on_from_where_they_were(tmp_path, capsys):
         (("--cell", "a: rollouts=0"), "cell a: rollouts must be from 1 to"),
         (("--cell", "a: preset=papr"), "cell a: unknown preset 'papr'; valid: default, paper"),
         (("--cell", "a: optimizer=sgd"), "cell a: unknown optimizer 'sgd'; valid: cem"),
+        (
+            ("--tasks", "spot/upright_box", "--cell", "a: guidance=object"),
+            "cell a: guidance=object is not for task 'spot/upright_box': it has no goal",
+        ),
         ((), "cell reference: --set horizon=0.1 is for all cells, and reference has its own"),
         (("--tasks", "paper-analysys", *CELLS), "unknown task 'paper-analysys'; valid: "),
     ],

@@ -42,7 +42,7 @@ def test_plans_that_differ_are_no_comparison():
 def test_figures_are_percentiles_and_differences():
     here = [messaging.Sample(plan, 1.0) for plan in (10.0, 11.0, 12.0)]
     there = [messaging.Sample(plan, 2.0) for plan in (14.0, 12.0, 30.0)]
-    found = messaging.figures(here, there)
+    found = messaging.figures(here, there, ("in_process", "services"))
     assert (found["in_process_plan_ms_p50"], found["services_plan_ms_p50"]) == (11.0, 14.0)
     assert found["added_ms_p50"] == 3.0
     assert found["services_own_ms_p99"] == 2.0
@@ -54,6 +54,14 @@ def test_the_services_make_the_same_plans(capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["plans"] == 3
     assert 0 < found["services_own_ms_p50"] < found["services_plan_ms_p50"]
+
+
+@pytest.mark.slow
+def test_services_with_keys_make_the_same_plans(capsys):
+    assert main(["bench", "messaging", "--tls", "--plans", "3", "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "without keys and with them" in said
+    assert "added by TLS and the access list" in said
 
 
 @pytest.mark.parametrize("option", ["plans", "workers"])

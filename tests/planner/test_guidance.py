@@ -1,0 +1,138 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sumo_dist.episode.assemble import draw_start
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.scene import SceneObject
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.guidance import ObjectFirst, make_guide
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.tasks import load_task, task_names
+from sumo_dist.tasks.task import Goal
+
+GUIDED = PlannerConfig(guidance="object")
+PUSHED = [
+    name
+    for name in task_names()
+    if name.startswith("spot/move_") or (name.startswith("g1/") and name.endswith("_push"))
+]
+
+
+def guide_of(task, config=GUIDED):
+    return ObjectFirst(Problem.build(task, planning_options(config)), config)
+
+
+@pytest.fixture(scope="module")
+def guide():
+    return guide_of(load_task("spot/move_box"))
+
+
+@pytest.fixture
+def state(move_box):
+    """The robot at (-2, 0) looks along x, and the box is level at (-0.5, 0)."""
+    state = draw_start(move_box, seed=1).copy()
+    state[:2], state[3:7] = (-2.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    box = state[26:33]
+    box[:2], box[3:] = (-0.5, 0.0), (1.0, 0.0, 0.0, 0.0)
+    return state
+
+
+def parameters(task, x=0.0, y=0.0):
+    return task.table.adjusted([], [f"goal={x},{y}"]).parameters
+
+
+def test_the_ground_is_read_from_model_and_state(guide, state, move_box):
+    ground = guide.ground(state, parameters(move_box, 1.0, 0.0))
+    assert (ground.base, ground.heading) == (-2.0, 1.0)
+    assert ground.centre == pytest.approx(-0.5)
+    assert ground.way == pytest.approx(1.5)
+    assert (ground.back, ground.width) == pytest.approx((0.254, 0.508), abs=1e-3)
+    assert ground.reach == pytest.approx(0.42, abs=0.02)  # the body; the arm is above the box
+    assert ground.keep == pytest.approx(0.359 + 0.27, abs=0.02)  # diagonal, half of the robot
+
+
+def test_a_turned_box_is_longer_along_its_diagonal(guide, state, move_box):
+    state[29:33] = np.cos(np.pi / 8), 0.0, 0.0, np.sin(np.pi / 8)
+    ground = guide.ground(state, parameters(move_box))
+    assert (ground.back, ground.width) == pytest.approx((0.359, 0.718), abs=1e-3)
+
+
+def test_what_is_as_high_as_the_object_reaches_for_it(guide, state, move_box):
+    level = guide.ground(state, parameters(move_box)).reach
+    state[28] += 0.5  # where the arm is
+    assert guide.ground(state, parameters(move_box)).reach > level + 0.3
+
+
+def test_knots_push_straight_ahead_and_end_slowly(guide, state, move_box):
+    knots = guide(state, parameters(move_box, 3.0))
+    assert knots == pytest.approx(np.tile([1.0, 0.0, 0.0], (4, 1)), abs=1e-9)
+    state[0] = -1.15  # it touches the box, 0.1 m from where that should be
+    slow = guide(state, parameters(move_box, -0.4))[:, 0]
+    assert 0.0 < slow[-1] < 0.1 < slow[0] < 1.0
+
+
+def test_state_and_parameters_alone_decide(guide, state, move_box):
+    there, back = parameters(move_box, 3.0), parameters(move_box, -3.0)
+    first = guide(state, there)
+    assert not np.array_equal(guide(state, back), first)
+    assert np.array_equal(guide(state, there), first)
+    assert np.array_equal(guide_of(move_box)(state, there), first)
+
+
+@pytest.mark.parametrize("name", PUSHED)
+def test_every_task_that_pushes_is_guided(name):
+    task = load_task(name)
+    config = PlannerConfig.resolve(task.planner, settings=["guidance=object"])
+    guide = make_guide(Problem.build(task, planning_options(config)), config)
+    knots = guide(draw_start(task, 101), task.table.defaults.parameters)
+    assert knots.shape == (config.nodes - 1, 3)
+    assert np.abs(knots).max() <= 1.0 + 1e-12
+    assert np.abs(knots[:, :2]).max() > 0.5
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"spline": "zero", "nodes": 1},
+        {"spline": "cubic", "nodes": 100, "horizon": 0.1},
+        {"nodes": 3, "horizon": 0.02},
+        {"nodes": 12, "horizon": 4.0, "model": "full"},
+    ],
+)
+def test_any_spline_has_knots_of_the_walk(state, move_box, settings):
+    config = replace(GUIDED, **settings)
+    knots = guide_of(move_box, config)(state, parameters(move_box, 3.0))
+    assert len(knots) == config.nodes - (config.spline == "smooth")
+    assert knots == pytest.approx(np.tile([1.0, 0.0, 0.0], (len(knots), 1)), abs=1e-9)
+
+
+def test_of_several_objects_it_is_the_one_with_the_goal(move_box):
+    things = (SceneObject("box", "objects/box.xml"), SceneObject("cone", "objects/cone.xml"))
+    frames = {**move_box.frames, "tip": FrameRef("site", "cone/site_object")}
+    scene = replace(move_box.scene, objects=things)
+    task = replace(move_box, scene=scene, frames=frames, goal=Goal("tip", 0.0))
+    assert task.goal_object == "cone"
+    state = np.concatenate([draw_start(move_box, 1)[:33], [2.0, 1.0, 0.0, 1, 0, 0, 0]])
+    ground = guide_of(task).ground(state, parameters(task))
+    assert ground.centre == pytest.approx(2.0 + 1.0j, abs=0.05)
+    assert ground.way == pytest.approx(-2.0 - 1.0j, abs=0.05)
+
+
+def test_without_guidance_there_is_no_guide(problem):
+    assert make_guide(problem, PlannerConfig()) is None
+
+
+def test_an_object_that_nothing_can_touch_is_a_point(state, move_box, tmp_path):
+    ghost = (
+        "<mujoco><worldbody><body><freejoint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+    )
+    (tmp_path / "ghost.xml").write_text(f"{ghost}</body></worldbody></mujoco>")
+    scene = replace(move_box.scene, objects=(SceneObject("box", str(tmp_path / "ghost.xml")),))
+    guide = guide_of(
+        replace(move_box, scene=scene, frames={"object": FrameRef("body", "box")}, trails=())
+    )
+    ground = guide.ground(state, parameters(move_box))
+    assert (ground.back, ground.width) == (0.0, 0.0)
+    assert np.isfinite(guide(state, parameters(move_box))).all()
