@@ -6,6 +6,7 @@ from sumo_dist.optim.cma import CovarianceAdaptation
 from sumo_dist.optim.icem import ImprovedCrossEntropy
 from sumo_dist.optim.mppi import PathIntegral
 from sumo_dist.optim.optimizer import Belief, Optimizer, coloring, noise_ramp, sample
+from sumo_dist.optim.placement import Placement, noise_shares
 from sumo_dist.optim.ps import PredictiveSampling
 
 OPTIMIZERS = ("cem", "cma", "icem", "mppi", "ps")
@@ -14,9 +15,11 @@ __all__ = [
     "OPTIMIZERS",
     "Belief",
     "Optimizer",
+    "Placement",
     "coloring",
     "make_optimizer",
     "noise_ramp",
+    "noise_shares",
     "sample",
 ]
 

@@ -51,10 +51,24 @@ def coloring(exponent: float, nodes: int) -> np.ndarray:
 
 
 def sample(
-    belief: Belief, rollouts: int, rng: np.random.Generator, coloring: np.ndarray
+    belief: Belief,
+    rollouts: int,
+    rng: np.random.Generator,
+    coloring: np.ndarray,
+    shares: np.ndarray,
 ) -> np.ndarray:
-    """Draw knots (B, K, n) float32, clipped to [-1, 1]; row 0 is the unperturbed mean."""
+    """Draw knots (B, K, n) float32, clipped to [-1, 1]; row 0 is the unperturbed mean.
+
+    Args:
+        belief: what is drawn from.
+        rollouts: B.
+        rng: decides the draw.
+        coloring: (K, K), see `coloring`.
+        shares: (B,) of the noise that each candidate has, see `noise_shares`.
+    """
     white = rng.standard_normal((rollouts, *belief.mean.shape))
     noise = np.einsum("kj,bjn->bkn", coloring, white)
     noise[0] = 0.0
-    return np.clip(belief.mean + belief.sigma * noise, -1.0, 1.0).astype(np.float32)
+    return np.clip(belief.mean + belief.sigma * noise * shares[:, None, None], -1.0, 1.0).astype(
+        np.float32
+    )

@@ -13,6 +13,7 @@ import numpy as np
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order, given
 from sumo_dist.model.scene import PLANT
+from sumo_dist.optim import Placement
 from sumo_dist.planner.settings import SETTINGS, Execute, Guidance, Model
 from sumo_dist.timing import TICK
 
@@ -35,6 +36,8 @@ class PlannerConfig:
         base_noise: standard deviation of the base's velocities, over that of all other actions.
         noise_exponent: power of the noise falls as 1 / frequency^exponent over the nodes; 0 is
             white: independent nodes.
+        placement: "alike", all candidates have that noise, or "near", every second one has a third
+            of it.
         execute: "mean" of the last iteration or the "best" candidate of all of them.
         elites: of CEM and iCEM.
         temperature: of MPPI, in units of the costs' spread.
@@ -56,6 +59,7 @@ class PlannerConfig:
     variance_last: float = 0.6
     base_noise: float = 2.0
     noise_exponent: float = 0.0
+    placement: Placement = "alike"
     execute: Execute = "mean"
     elites: int = 3
     temperature: float = 0.1
@@ -187,7 +191,7 @@ def _wrong_type(key: str, kind: type, value: object) -> UsageError:
 
 
 # What a setting was before there was one: runs of then still replay.
-_BEFORE = {"model": "full", "guidance": "none"}
+_BEFORE = {"model": "full", "guidance": "none", "placement": "alike"}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.
@@ -205,6 +209,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "variance_last": 0.6,
         "base_noise": 1.0,
         "noise_exponent": 0.0,
+        "placement": "alike",
         "execute": "mean",
         "elites": 3,
         "timestep": PLANT.timestep,

@@ -7,7 +7,7 @@ import numpy as np
 
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.math import splines
-from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, sample
+from sumo_dist.optim import Belief, coloring, make_optimizer, noise_ramp, noise_shares, sample
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluation
 from sumo_dist.planner.guidance import Guide
@@ -97,7 +97,9 @@ class Planner:
         best, lowest, evaluation = belief.mean, np.inf, None
         for iteration, count in enumerate(config.populations):
             rng = self._rng(request.number, iteration)
-            drawn = sample(belief, count, rng, self._coloring)  # a ~ N(mu, sigma^2); (B, F, n)
+            shares = noise_shares(config.placement, count)  # (B,)
+            # a ~ N(mu, sigma^2); (B, F, n)
+            drawn = sample(belief, count, rng, self._coloring, shares)
             if iteration == 0:
                 self._propose(request, drawn)
             knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)

@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order
-from sumo_dist.optim import OPTIMIZERS
+from sumo_dist.optim import OPTIMIZERS, Placement
 from sumo_dist.timing import TICK
 
 Execute = Literal["mean", "best"]
@@ -73,6 +73,7 @@ SETTINGS = {
     "variance_last": _positive("noise variance at the last knot"),
     "base_noise": _positive("noise of the base's velocities, over that of the rest"),
     "noise_exponent": _between("how smooth noise is over the knots; 0 is white", 0, 4),
+    "placement": _one_of("which candidates have how much of the noise", get_args(Placement)),
     "execute": _one_of("which plan is followed", get_args(Execute)),
     "elites": _between("candidates that CEM and iCEM average", 1, 4096),
     "temperature": _positive("of MPPI, in units of the costs' spread"),

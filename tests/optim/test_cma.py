@@ -1,17 +1,22 @@
 import numpy as np
 import pytest
 
-from sumo_dist.optim import Belief, coloring, make_optimizer, sample
+from sumo_dist.optim import Belief, make_optimizer
+from sumo_dist.optim import sample as sample_shared
 from sumo_dist.optim.cma import CovarianceAdaptation, Evolution, Rates
 
 START = Belief(np.zeros((3, 2)), np.full((3, 2), 0.3))
 
 
+def sample(belief, candidates, rng):
+    white = np.eye(len(belief.mean))
+    return sample_shared(belief, candidates, rng, white, np.ones(candidates))
+
+
 def evolve(cost, generations, belief=START, candidates=32, seed=0):
     optimizer, rng = make_optimizer("cma", elites=3, temperature=0.1), np.random.default_rng(seed)
-    white = coloring(0.0, len(belief.mean))
     for _ in range(generations):
-        knots = sample(belief, candidates, rng, white)
+        knots = sample(belief, candidates, rng)
         belief = optimizer.update(belief, knots, cost(knots))
     return belief
 
@@ -50,7 +55,7 @@ def test_the_mean_moves_to_the_better_half_by_weight():
 
 def test_lost_candidates_were_never_drawn():
     rng = np.random.default_rng(0)
-    knots, costs = sample(START, 12, rng, np.eye(3)), rng.standard_normal(12)
+    knots, costs = sample(START, 12, rng), rng.standard_normal(12)
     lost = costs.copy()
     lost[[2, 5, 7]] = np.inf
     with_lost = CovarianceAdaptation().update(START, knots, lost)
@@ -61,7 +66,7 @@ def test_lost_candidates_were_never_drawn():
 
 def test_a_generation_that_is_lost_changes_nothing():
     belief = evolve(lambda knots: (knots**2).sum(axis=(1, 2)), 3)
-    knots = sample(belief, 8, np.random.default_rng(0), np.eye(3))
+    knots = sample(belief, 8, np.random.default_rng(0))
     assert CovarianceAdaptation().update(belief, knots, np.full(8, np.inf)) is belief
 
 

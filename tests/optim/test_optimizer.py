@@ -12,7 +12,8 @@ BELIEF = Belief(np.linspace(-1.2, 0.9, 36).reshape(4, 9), RAMP)
 
 
 def sample(belief, rollouts, rng, exponent=0.0):
-    return sample_coloured(belief, rollouts, rng, coloring(exponent, len(belief.mean)))
+    colors = coloring(exponent, len(belief.mean))
+    return sample_coloured(belief, rollouts, rng, colors, np.ones(rollouts))
 
 
 def generator(seed):

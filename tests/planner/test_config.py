@@ -33,6 +33,7 @@ def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
         ({"decay": float("nan")}, "decay must be from 1 to 10"),
         ({"noise_exponent": -1.0}, "noise_exponent must be from 0 to 4, got -1.0"),
         ({"noise_exponent": float("nan")}, "noise_exponent must be from 0 to 4"),
+        ({"placement": "far"}, "unknown placement 'far'; valid: alike, near"),
         ({"execute": "median"}, "unknown execute 'median'; valid: best, mean"),
         ({"elites": 0}, "elites must be from 1 to"),
         ({"horizon": 0.0}, "horizon must be a multiple of 0.02 s up to 20 s, got 0.0"),
@@ -93,7 +94,7 @@ def test_bad_settings_say_what_is_valid(setting, message):
 def test_survives_the_wire():
     config = PlannerConfig(optimizer="mppi", horizon=0.8, rollouts=7)
     assert PlannerConfig.from_settings(asdict(config)) == config
-    since = ("model", "guidance")
+    since = "model", "guidance", "placement"  # settings that there were not always
     before = {name: value for name, value in asdict(config).items() if name not in since}
     assert PlannerConfig.from_settings(before) == replace(config, model="full")
 
@@ -116,7 +117,7 @@ def test_the_hash_depends_on_every_setting_and_on_the_task():
     assert PlannerConfig().hash("task") == base
     assert PlannerConfig().hash("other") != base
     changes = {"optimizer": "cem", "spline": "zero", "timestep": 0.01, "execute": "best"}
-    changes |= {"model": "full", "guidance": "object"}
+    changes |= {"model": "full", "guidance": "object", "placement": "near"}
     for name, value in asdict(PlannerConfig()).items():
         change = {name: changes[name] if name in changes else value + 1}
         assert PlannerConfig(**change).hash("task") != base, name
@@ -151,7 +152,7 @@ def test_the_papers_preset_is_what_the_paper_prints():
     assert (paper.optimizer, paper.elites, paper.iterations) == ("cem", 3, 1)
     assert (paper.horizon, paper.rollouts, paper.nodes, paper.spline) == (1.5, 32, 4, "linear")
     assert (paper.variance_first, paper.variance_last) == (0.02, 0.6)
-    assert (paper.noise_exponent, paper.execute) == (0.0, "mean")
+    assert (paper.noise_exponent, paper.placement, paper.execute) == (0.0, "alike", "mean")
     assert planning_options(paper) == replace(PLANT, visuals=False)
 
 

@@ -230,6 +230,16 @@ def test_the_base_is_searched_with_a_noise_of_its_own():
     assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])
 
 
+def test_candidates_near_the_mean_are_so_in_every_iteration():
+    cost = Bowl()
+    small = {"variance_first": 1e-4, "variance_last": 1e-4}  # nothing is clipped
+    config = PlannerConfig(rollouts=2002, iterations=2, placement="near", **small)
+    Planner(config, ACTIONS, seed=0).plan(request(), cost)
+    for asked in cost.asked:
+        moves = np.abs(asked[1:] - asked[0]).mean(axis=(1, 2))
+        assert moves[1::2].mean() / moves[::2].mean() == pytest.approx(1 / 3, rel=0.1)
+
+
 @pytest.mark.parametrize("iterations", [1, 2])
 def test_a_plan_of_fewer_rollouts_has_as_many_candidates(iterations):
     bowl = Bowl()
