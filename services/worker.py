@@ -41,7 +41,7 @@ ASKED_S = 5.0  # who has asked within this time is told that it leaves
 log = logging.getLogger("sumo_dist.worker")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
     """A worker.
 

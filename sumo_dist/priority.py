@@ -6,7 +6,8 @@ four such hand-overs (decision 0011).
 
 import os
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sumo_dist.errors import unknown
@@ -33,6 +34,18 @@ def go_first() -> bool:
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(RANK))
     return goes_first()
+
+
+@contextmanager
+def going_first() -> Iterator[bool]:
+    """Go first for a while, this thread and those it starts; yield whether that is permitted."""
+    before = goes_first()
+    first = go_first()
+    try:
+        yield first
+    finally:
+        if first and not before:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def goes_first() -> bool:

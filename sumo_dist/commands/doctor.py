@@ -260,12 +260,11 @@ def cpu_quota() -> float | None:
 
 def priority() -> Finding:
     """Do robot, estimator, optimizer and router go before everything else on the machine."""
-    from sumo_dist.priority import VARIABLE, go_first, goes_first
+    from sumo_dist.priority import VARIABLE, going_first
 
-    before = goes_first()
-    if go_first():
-        if not before:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with going_first() as permitted:
+        pass
+    if permitted:
         return Finding("ok", "the robot's services run with real-time priority")
     if os.environ.get(VARIABLE) == "normal":
         return Finding("warn", f"normal, as {VARIABLE} says: commands may be late in realtime")

@@ -216,7 +216,7 @@ class Agent:
                 self._outbox.put("ready", service=name)
         if time.monotonic() >= self._beat + BEAT_S:
             self._beat = time.monotonic()
-            self._outbox.put("alive", time=time.time())
+            self._outbox.put("alive")
 
     def _pass_on(self, name: str, said: IO[bytes]) -> None:
         while line := said.readline(LONGEST):

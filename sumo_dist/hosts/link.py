@@ -87,7 +87,7 @@ class Link:
 
     def _beat(self) -> None:
         while self._process.poll() is None:
-            self.say({"time": time.time()})
+            self.say({"alive": True})
             if self._heard is not None and time.monotonic() > self._heard + SILENCE_S:
                 self._lose(f"says nothing for {SILENCE_S:.0f} s")
                 return

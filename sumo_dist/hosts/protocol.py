@@ -1,6 +1,6 @@
 """What the launcher of a run and the agents on its hosts say to each other: a JSON object a line.
 
-To an agent: `{"start": [...]}`, services to start; `{"stop": true}`; `{"time": ...}`, and that at
+To an agent: `{"start": [...]}`, services to start; `{"stop": true}`; `{"alive": true}`, and that at
 least once a second, for the agent ends its services when it hears nothing. From an agent, all with
 an "event": "hello" with what it is; "alive"; "log" with what a service says; "ready" of a service
 that listens; "ended" with a service's exit code; "stopped" when no service is left.

@@ -11,7 +11,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.launch import serve
 from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
-from sumo_dist.tasks import load_task
+from sumo_dist.tasks import load_task, task_source
 from sumo_dist.terminal import say
 from sumo_dist.wire.session import DEFAULT_ENDPOINT, is_secure, no_router, nobody_listens
 
@@ -136,8 +136,7 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         engine=episode.engine, priority=deployment.priority, **bus, keys=keys("optimizer")
     )
     yield Service("optimizer", "optimizer", optimizer)
-    own = load_task(episode.task).source
-    trust = (*((Path(own),) if own.endswith(".py") else ()), *deployment.trust)
+    own = (Path(task_source(episode.task)),) if episode.task.endswith(".py") else ()
     for i in range(deployment.workers):
         worker = serve.Worker(
             connect=endpoint,
@@ -146,7 +145,7 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
             threads=deployment.threads,
             engine=episode.engine,
             give_way=deployment.give_way,
-            trust=trust,
+            trust=(*own, *deployment.trust),
         )
         yield Service(worker.name, "rollout-worker", worker, vital=False)
     robot = serve.Robot(

@@ -46,7 +46,7 @@ class Agent:
             if said["event"] == event and also.items() <= said.items():
                 return said
             if said["event"] == "alive":
-                self.say(time=0)
+                self.say(alive=True)
         raise AssertionError(f"the agent has ended before {event}: {self.events}")
 
 
@@ -126,7 +126,7 @@ def test_a_second_agent_of_a_run_waits_for_the_first(serving, agent):
     deadline = time.monotonic() + 3.0
     while time.monotonic() < deadline:
         assert second.process.stdout.read() is None, "it did not wait"
-        serving.say(time=0)
+        serving.say(alive=True)
         time.sleep(0.1)
     os.set_blocking(second.process.stdout.fileno(), True)
     serving.say(stop=True)

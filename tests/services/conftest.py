@@ -212,11 +212,13 @@ def systems(endpoint, out):
             stay=False,
             viewer=None,
             starts_robot=True,
+            trust=(),
             **changes,
         ):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
             deployment = Deployment(
-                *(episode, workers, threads, out, viewer, speed, wait, resume_wait, stay)
+                *(episode, workers, threads, out, viewer, speed, wait, resume_wait, stay),
+                trust=trust,
             )
             launcher = stack.enter_context(Launcher())
             router = Service("router", "router", Router(endpoint))

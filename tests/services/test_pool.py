@@ -27,7 +27,7 @@ def pool(endpoint):
     with Launcher() as launcher:
         launcher.start(Service("router", "router", serve.Router(endpoint)))
         for name in ("w-1", "w-2"):
-            options = serve.Worker(endpoint, name)
+            options = serve.Worker(connect=endpoint, name=name)
             launcher.start(Service(name, "rollout-worker", options))
         yield endpoint
 

@@ -69,7 +69,7 @@ def test_a_task_file_that_has_changed_is_taken_up_by_the_next_session(run_system
     """By the optimizer and by the workers, none of which is started again."""
     file = tmp_path / "tall.py"
     file.write_text(TASK_FILE.format(factor=1.0))
-    system = run_system(workers=2, starts_robot=False)
+    system = run_system(workers=2, starts_robot=False, trust=(tmp_path,))
     seen = []
     for number, factor in enumerate((1.0, -5.0), 1):
         file.write_text(TASK_FILE.format(factor=factor))

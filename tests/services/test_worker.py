@@ -294,7 +294,7 @@ def test_more_rows_than_a_plan_has_are_refused(cache, asked, config):
 
 def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(router, robot):
     stop = threading.Event()
-    options = WorkerOptions(router, "twin")
+    options = WorkerOptions(connect=router, name="twin")
     first = threading.Thread(target=run, args=(options, stop))
     with Bus.dial(router, robot) as bus:
         seen = threading.Event()
@@ -317,7 +317,9 @@ def test_a_name_is_free_again_once_its_worker_has_left(router, robot, eventually
         ghost = Bus.dial(router, robot)
         ghost.announce("worker", "w-1", engine_identity()[1])
         bus.watch("worker", lambda member, alive: changes.append(alive))
-        worker = threading.Thread(target=run, args=(WorkerOptions(router, "w-1"), stop))
+        worker = threading.Thread(
+            target=run, args=(WorkerOptions(connect=router, name="w-1"), stop)
+        )
         threading.Timer(0.4, ghost.close).start()
         worker.start()
         try:
@@ -373,7 +375,7 @@ def test_a_worker_that_is_told_nothing_finds_the_router_and_says_whom_it_serves(
 
 def test_a_worker_that_nobody_needs_says_so_once(endpoint, monkeypatch, caplog, eventually):
     monkeypatch.setattr(serving, "PATIENCE_S", 0.2)
-    with open_router(endpoint), working(WorkerOptions(endpoint, "w-1")):
+    with open_router(endpoint), working(WorkerOptions(connect=endpoint, name="w-1")):
         assert eventually(lambda: f"nobody plans at {endpoint}" in caplog.text, 30.0)
         time.sleep(1.0)
     assert caplog.text.count("nobody plans") == 1
@@ -397,7 +399,7 @@ def test_an_optimizer_of_another_build_ends_no_worker(endpoint, asked, caplog, e
     """It is told, and whoever has the same build is served."""
     with (
         open_router(endpoint),
-        working(WorkerOptions(endpoint, "w-1")),
+        working(WorkerOptions(connect=endpoint, name="w-1")),
         Bus.dial(endpoint, "spot", run="run") as bus,
     ):
         workers, replies = bus.watch("worker"), bus.inbox(RolloutReply, "o-1")
@@ -411,7 +413,7 @@ def test_an_optimizer_of_another_build_ends_no_worker(endpoint, asked, caplog, e
 def test_one_worker_serves_two_robots_and_each_hears_its_own_answers(endpoint, asked, eventually):
     with ExitStack() as stack:
         stack.enter_context(open_router(endpoint))
-        stack.enter_context(working(WorkerOptions(endpoint, "w-1")))
+        stack.enter_context(working(WorkerOptions(connect=endpoint, name="w-1")))
         inboxes = {}
         for robot in ("spot", "spot-2"):
             bus = stack.enter_context(Bus.dial(endpoint, robot, run=robot))
@@ -435,7 +437,7 @@ def test_a_worker_gives_way_unless_told_not_to(router, robot, give_way, niceness
     code = (
         "import os, threading; from sumo_dist.services.worker import WorkerOptions, run\n"
         "stop = threading.Event(); stop.set(); before = os.nice(0)\n"
-        f"run(WorkerOptions({router!r}, 'w-1', give_way={give_way}), stop)\n"
+        f"run(WorkerOptions(connect={router!r}, name='w-1', give_way={give_way}), stop)\n"
         "print(os.nice(0) - before)"
     )
     command = [sys.executable, "-P", "-c", code]

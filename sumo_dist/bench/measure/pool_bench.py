@@ -23,7 +23,7 @@ from sumo_dist.launch import serve
 from sumo_dist.launch.launcher import Launcher, Service, listening
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.priority import go_first, goes_first
+from sumo_dist.priority import goes_first, going_first
 from sumo_dist.rollout import engine_identity
 from sumo_dist.timing import TICK, anchor_tick
 from sumo_dist.wire.bus import Bus
@@ -100,8 +100,7 @@ class Bench:
                     Service("optimizer", "optimizer", options),
                 )
             }
-            go_first()
-            with Bus.dial(endpoint, robot) as bus:
+            with going_first(), Bus.dial(endpoint, robot) as bus:
                 link = RobotLink(bus, ANSWER_S, threading.Event(), lambda *_: None, lambda _: None)
                 link.enter(
                     episode,
