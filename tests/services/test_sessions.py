@@ -97,7 +97,9 @@ def test_an_optimizer_whose_task_file_differs_from_the_robots_says_so_by_name(
     system.start_robot()
     assert eventually(lambda: system.hash, 60.0)  # what the robot has loaded
     theirs = system.hash
-    file.write_text(TASK_FILE.format(factor=2.0))
+    changed = tmp_path / "changed"
+    changed.write_text(TASK_FILE.format(factor=2.0))
+    changed.replace(file)  # at once: the estimator may be reading it
     system.start_again("optimizer")
     assert eventually(
         lambda: system.said("optimizer", f"the robot's has {theirs}: the task's files differ"), 60.0
