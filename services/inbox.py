@@ -57,23 +57,27 @@ class Inbox:
         with self._arrived:
             if not self._note(request):
                 return
-            waiting = self._waiting.setdefault(request.asker, deque())
+            waiting = self._waiting.get(request.asker, deque())
             if waiting:
                 last = waiting[-1].request
                 if (last.run, last.number, last.iteration) != plan:
                     if last.run == request.run and last.order > request.order:
                         return
                     self._ends[request.asker] = waiting[0].start  # what is dropped costs nothing
-                    waiting.clear()
-                    self._rows[request.asker] = 0
+                    self._forget(request.asker)
+                    waiting = deque()
             rows = self._rows.get(request.asker, 0) + len(request.knots)
             if rows > ROWS:
                 return
-            self._rows[request.asker] = rows
+            self._waiting[request.asker], self._rows[request.asker] = waiting, rows
             start = max(self._now, self._ends.get(request.asker, 0.0))
             self._ends[request.asker] = start + len(request.knots)
             waiting.append(_Waiting(request, time.monotonic(), start))
             self._arrived.notify()
+
+    def _forget(self, asker: str) -> None:
+        """Forget what an asker waits for: who has an entry waits for something."""
+        del self._waiting[asker], self._rows[asker]
 
     def _note(self, request: RolloutRequest) -> bool:
         """Note who asks; return whether there is room for one more."""
@@ -105,7 +109,7 @@ class Inbox:
                 head = self._waiting[asker].popleft()
                 self._rows[asker] -= len(head.request.knots)
                 if not self._waiting[asker]:
-                    del self._waiting[asker], self._rows[asker]
+                    self._forget(asker)
                 if not head.late:
                     self._now = head.start
                     self._ends = {a: end for a, end in self._ends.items() if end > self._now}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.services import inbox as module
-from sumo_dist.services.inbox import Inbox
+from sumo_dist.services.inbox import ROWS, Inbox
 from sumo_dist.wire.messages import RolloutRequest
 
 
@@ -105,6 +105,18 @@ def test_plans_that_are_given_up_cost_their_asker_nothing(inbox, asked):
         inbox.put(replace(asked, asker="hasty", number=number))
     inbox.put(replace(asked, asker="calm"))
     assert rows(inbox, 2) == {"hasty": 2, "calm": 2}
+
+
+@pytest.mark.parametrize("before", [0, 1])
+def test_a_request_of_too_many_rows_is_dropped_and_others_are_answered(inbox, asked, before):
+    """Alone, and for a newer plan than what its asker waits for."""
+    huge = replace(asked, number=9, knots=np.zeros((ROWS + 1, 4, 9), np.float32))
+    for _ in range(before):
+        inbox.put(asked)
+    inbox.put(huge)
+    assert inbox.get(timeout=0.0) is None
+    inbox.put(replace(asked, asker="other"))
+    assert inbox.get(timeout=0.0).asker == "other"
 
 
 def test_what_has_a_deadline_goes_first(inbox, asked):
