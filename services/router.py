@@ -6,7 +6,6 @@ again by itself, within half a second.
 """
 
 import logging
-import signal
 import threading
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -104,14 +103,3 @@ def revoked_by(options: RouterOptions, before: frozenset[str] | None = None) -> 
         if before is None:
             raise
         return before
-
-
-def run(options: RouterOptions) -> None:
-    """Serve until SIGINT or SIGTERM."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        serve(options, threading.Event())
-    except KeyboardInterrupt:
-        _log.info("router on %s stopped", options.listen)
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -27,7 +27,7 @@ from sumo_dist.services.inbox import Inbox
 from sumo_dist.services.serving import Serving
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
-from sumo_dist.wire.finding import Search, only_router
+from sumo_dist.wire.finding import router_here
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
@@ -141,8 +141,8 @@ def _router(options: WorkerOptions, stop: threading.Event) -> str | None:
     """
     began = time.monotonic()
     while options.connect is None and not stop.is_set():
-        if routers := Search().look().routers:
-            return only_router(routers)
+        if (endpoint := router_here()) is not None:
+            return endpoint
         if time.monotonic() > began + ROUTER_WAIT_S:
             raise SumoError(
                 f"no router on this machine (waited {ROUTER_WAIT_S:g} s): --connect names one "
@@ -209,11 +209,11 @@ class EvaluatorCache:
             request.start,
             np.nan_to_num(evaluation.traces),
         )
-        return self._reply(request, terms, valid, compute_ms), traces
+        return request.reply(terms, valid, compute_ms, self._options.threads), traces
 
     def nothing(self, request: RolloutRequest, **changes: Any) -> RolloutReply:
         """Return a reply without costs."""
-        reply = self._reply(request, np.empty((0, 0)), np.empty(0, bool), 0.0)
+        reply = request.reply(np.empty((0, 0)), np.empty(0, bool), threads=self._options.threads)
         return replace(reply, **changes)
 
     def _evaluate(self, request: RolloutRequest) -> tuple[Evaluation, float]:
@@ -235,22 +235,3 @@ class EvaluatorCache:
             evaluation = compiled.evaluator(config)(*question)
             answers[content] = evaluation, (time.perf_counter() - began) * 1e3
         return answers[content]
-
-    def _reply(
-        self, request: RolloutRequest, terms: np.ndarray, valid: np.ndarray, compute_ms: float
-    ) -> RolloutReply:
-        return RolloutReply(
-            run=request.run,
-            worker=self._options.name,
-            asker=request.asker,
-            number=request.number,
-            iteration=request.iteration,
-            shard=request.shard,
-            start=request.start,
-            terms=terms,
-            valid=valid,
-            compute_ms=compute_ms,
-            refusal="",
-            task_fails=False,
-            threads=self._options.threads,
-        )

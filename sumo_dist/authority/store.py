@@ -70,10 +70,6 @@ class Issued:
         """Its common name."""
         return f"{self.role}.{self.number}"
 
-    def is_valid(self) -> bool:
-        """Whether it is neither revoked nor expired."""
-        return not self.revoked and datetime.fromisoformat(self.expires) > datetime.now(UTC)
-
 
 class Authority:
     """An authority that is there."""

@@ -11,7 +11,7 @@ from typing import Any
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
-from sumo_dist.wire.finding import ROUTER_S, Search, only_router
+from sumo_dist.wire.finding import ROUTER_S, Search, router_here
 from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name
 from sumo_dist.wire.notices import Health
 
@@ -124,7 +124,9 @@ def find_worker(options: Options) -> int:
     Raises:
         SumoError: there is no router.
     """
-    name, endpoint = options.worker, options.connect or local_router()
+    name, endpoint = options.worker, options.connect or router_here()
+    if endpoint is None:
+        raise SumoError("no router on this machine: --connect names one elsewhere")
     keys = keys_for(endpoint, options.keys, WORKER, "operator", "tracer")
     with Bus.dial(endpoint, POOL, timeout=DIAL_S, keys=keys) as bus:
         members = bus.watch(WORKER)
@@ -136,18 +138,6 @@ def find_worker(options: Options) -> int:
             time.sleep(0.02)
     print(f"worker {name} is at {endpoint}")
     return 0
-
-
-def local_router() -> str:
-    """Return the endpoint of the router on this machine.
-
-    Raises:
-        SumoError: there is none.
-        UsageError: there are several.
-    """
-    if routers := Search().look().routers:
-        return only_router(routers)
-    raise SumoError("no router on this machine: --connect names one elsewhere")
 
 
 def look(rows: Iterable[Row], alive: Iterable[Member]) -> dict[str, Any]:

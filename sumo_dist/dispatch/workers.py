@@ -130,11 +130,6 @@ class Workers:
         """Return a worker; None if it has left."""
         return self._workers.get(name)
 
-    @property
-    def pace(self) -> float:
-        """Rollouts per ms of all workers that take shards, as measured on their answers."""
-        return sum(pace.rows_per_ms for pace in self.asked().values())
-
     def asked(self) -> dict[str, Pace]:
         """Paces of the workers that get a plan's rows.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sumo_dist.authority.folder import KeyFolder
 from sumo_dist.errors import SumoError
-from sumo_dist.hosts.install import program, same_everywhere
+from sumo_dist.hosts.install import same_everywhere
 from sumo_dist.hosts.installation import Installation
 from sumo_dist.hosts.inventory import Host, Inventory
 from sumo_dist.hosts.orders import certificates, keys_of
@@ -97,8 +97,3 @@ def check_builds(inventory: Inventory, found: Mapping[str, Installation], engine
             f"({listed}); if only the instruction sets differ, give all of them --engine "
             "native-portable, else let their sumo-dist be installed anew"
         )
-
-
-def reported(host: Host, command: str) -> bytes:
-    """Return what a command of sumo-dist writes on a host; see `Shell.must`."""
-    return Shell(host).must(f"{program(host)} {command}", f"run sumo-dist {command}")

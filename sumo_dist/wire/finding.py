@@ -165,14 +165,15 @@ def only(places: Sequence[Place]) -> Place:
     raise UsageError(f"{len(places)} robots are here, choose one: {listed}")
 
 
-def only_router(endpoints: Sequence[str]) -> str:
-    """Return the only router's endpoint.
+def router_here() -> str | None:
+    """Return the endpoint of the router on this machine; None if none answers.
 
     Raises:
         UsageError: there are several; it names them with the option that chooses one.
     """
-    if len(endpoints) == 1:
-        return endpoints[0]
+    endpoints = Search().look().routers
+    if len(endpoints) <= 1:
+        return next(iter(endpoints), None)
     what = {router.endpoint: router.who for router in local_routers()}
     listed = "; ".join(f"--connect {e} for {what.get(e, 'a router')}" for e in endpoints)
     raise UsageError(f"{len(endpoints)} routers are here, choose one: {listed}")

@@ -274,6 +274,26 @@ class RolloutRequest(Message):
     reply_budget_ms: Milliseconds
     priority: Priority = 0
 
+    def reply(
+        self, terms: np.ndarray, valid: np.ndarray, compute_ms: float = 0.0, threads: int = 1
+    ) -> "RolloutReply":
+        """Return the worker's reply with costs; see RolloutReply."""
+        return RolloutReply(
+            run=self.run,
+            worker=self.worker,
+            asker=self.asker,
+            number=self.number,
+            iteration=self.iteration,
+            shard=self.shard,
+            start=self.start,
+            terms=terms,
+            valid=valid,
+            compute_ms=compute_ms,
+            refusal="",
+            task_fails=False,
+            threads=threads,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class RolloutReply(Message):

@@ -16,11 +16,6 @@ from sumo_dist.wire.bus import SHOUT, Bus
 from sumo_dist.wire.keys import POOL, ROUTER
 from sumo_dist.wire.messages import State
 
-RUN_ROUTER = (
-    "import sys; from sumo_dist.services.router import RouterOptions, run; "
-    "run(RouterOptions(sys.argv[1]))"
-)
-
 
 @pytest.fixture
 def endpoint() -> str:
@@ -47,7 +42,9 @@ def eventually(condition, timeout: float) -> bool:
 @contextmanager
 def process(endpoint: str):
     """Run a router in a process of its own."""
-    child = subprocess.Popen([sys.executable, "-c", RUN_ROUTER, endpoint])
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", "sumo_dist", "router", "--listen", endpoint]
+    )
     try:
         assert eventually(lambda: accepts(endpoint), 30.0)
         yield child

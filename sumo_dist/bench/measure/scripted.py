@@ -115,25 +115,10 @@ class Stage:
         takes = float(self._script.times.draw(rows, 1, self._rng)[0, 0])
         self._count += 1
         end = time.monotonic() + takes * 1e-3
-        heapq.heappush(self._ends, (end, self._count, self._reply(name, request, takes)))
+        terms = np.zeros((len(request.knots), self._script.terms))
+        reply = request.reply(terms, np.ones(len(terms), bool), takes)
+        heapq.heappush(self._ends, (end, self._count, reply))
         self._changed.notify()
-
-    def _reply(self, name: str, request: RolloutRequest, takes: float) -> RolloutReply:
-        rows = len(request.knots)
-        return RolloutReply(
-            run=request.run,
-            worker=name,
-            asker=request.asker,
-            number=request.number,
-            iteration=request.iteration,
-            shard=request.shard,
-            start=request.start,
-            terms=np.zeros((rows, self._script.terms)),
-            valid=np.ones(rows, bool),
-            compute_ms=takes,
-            refusal="",
-            task_fails=False,
-        )
 
     def play(self) -> None:
         """Answer when it is time to, until the bus is closed."""
