@@ -1,10 +1,11 @@
 """What a worker has shown to deliver, and in what time: rows per millisecond after a wait."""
 
+from collections import deque
 from dataclasses import dataclass
+from statistics import median
 from typing import NamedTuple
 
-MEMORY = 0.8  # weight of the past in what is measured
-FRESH_S = 0.8  # what was measured longer ago is not smoothed with what is measured now
+SAMPLES = 5  # answers; an odd number, so that a single one that was held up changes nothing
 FORGET_S = 3.0  # a request unanswered for this long says nothing any more
 
 
@@ -43,19 +44,21 @@ class _Batch:
 class Turnaround:
     """From a worker's requests to their answers, late ones too: those in time alone would flatter.
 
-    Only times of this process's clock are compared.
-
-    Attributes:
-        wait_ms: what answers take beside their rollouts, smoothed [ms].
+    Only times of this process's clock are compared. The median of the last few answers counts: a
+    worker that was held up once would else get no rows, and be tried no sooner than in a second.
     """
 
     def __init__(self) -> None:
         """Start with no wait, until one is measured."""
-        self.wait_ms = 0.0
+        self._waits: deque[float] = deque(maxlen=SAMPLES)  # [ms]
         self._compiles = True
-        self._measured = -FRESH_S  # when it was measured last
         self._batch: _Batch | None = None
         self._open: dict[int, _Batch] = {}  # by shard, oldest first
+
+    @property
+    def wait_ms(self) -> float:
+        """What answers take beside their rollouts [ms]; 0 while nothing is measured."""
+        return median(self._waits) if self._waits else 0.0
 
     def restart(self) -> None:
         """Do not count the next answer: it may have waited for the task to be compiled."""
@@ -78,7 +81,4 @@ class Turnaround:
         if self._compiles:
             self._compiles = False
             return
-        wait = max(0.0, (now - batch.sent) * 1e3 - batch.computed_ms)
-        past = MEMORY if now < self._measured + FRESH_S else 0.0
-        self.wait_ms = past * self.wait_ms + (1.0 - past) * wait
-        self._measured = now
+        self._waits.append(max(0.0, (now - batch.sent) * 1e3 - batch.computed_ms))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sumo_dist.dispatch.busy import BusyWatch
-from sumo_dist.dispatch.pace import MEMORY, Pace, Turnaround
+from sumo_dist.dispatch.pace import Pace, Turnaround
 from sumo_dist.dispatch.silences import Silences
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
@@ -18,7 +18,9 @@ from sumo_dist.wire.notices import POOL_HEALTH, WorkerHealth, WorkerStatus
 MISSES_TO_SUSPEND = 2  # plans in a row without any answer before a worker is passed over
 REFUSALS_TO_LEAVE_OUT = 2  # in a row: one may have been spoilt on its way
 PROBE_S = 1.0  # how often a worker that gets no rows is tried
+SPEED_MEMORY = 0.8  # weight of the past in a worker's measured speed
 TIMELY_MEMORY = 0.9  # likewise in the share of its rows that come in time
+GUESS = 0.1  # rows per ms of a worker while none has answered
 FIRST = 32  # workers that are asked at a time while none has answered
 MEASURED_ANSWERS = 20  # after so many a worker's speed counts as measured
 LEAST_TIMELY = 0.05  # of a worker that is never in time, so that it is still asked for something
@@ -43,7 +45,7 @@ class Worker:
     Attributes:
         member: its token.
         refusal: why it is left out; "" if it is not.
-        speed: rows per ms that it rolls out.
+        speed: rows per ms that it rolls out; 0 before its first answer.
         misses: plans in a row without any answer.
         refusals: in a row.
         leaving: it has said that it is about to.
@@ -59,7 +61,7 @@ class Worker:
 
     member: Member
     refusal: str
-    speed: float = 0.1
+    speed: float = 0.0
     misses: int = 0
     refusals: int = 0
     leaving: bool = False
@@ -73,10 +75,13 @@ class Worker:
     measured: float = 0.0
     blames: str = ""
 
-    @property
-    def pace(self) -> Pace:
-        """What can be counted on: other work on its cores makes some of its rows late."""
-        rows_per_ms = self.speed * max(LEAST_TIMELY, self.timely)
+    def pace(self, guess: float) -> Pace:
+        """What can be counted on: other work on its cores makes some of its rows late.
+
+        Args:
+            guess: its speed before its first answer, rows per ms.
+        """
+        rows_per_ms = (self.speed or guess) * max(LEAST_TIMELY, self.timely)
         return Pace(rows_per_ms, self.turnaround.wait_ms, self.threads)
 
     @property
@@ -95,7 +100,8 @@ class Worker:
         From late answers too: those in time alone would flatter it.
         """
         speed = len(reply.valid) / max(reply.compute_ms, 1e-3)
-        self.speed = MEMORY * self.speed + (1.0 - MEMORY) * speed
+        past = SPEED_MEMORY if self.answers else 0.0  # at other questions it was another
+        self.speed = past * self.speed + (1.0 - past) * speed
         self.turnaround.answered(reply.shard, reply.compute_ms, at)
         self.threads = reply.threads
         self.answers += 1
@@ -138,10 +144,12 @@ class Workers:
         however many there are.
         """
         willing = {name: w for name, w in list(self._workers.items()) if w.willing}
-        if steady := {name: w.pace for name, w in willing.items() if w.steady}:
+        speeds = [w.speed for w in willing.values() if w.speed]
+        guess = sum(speeds) / len(speeds) if speeds else GUESS
+        if steady := {name: w.pace(guess) for name, w in willing.items() if w.steady}:
             return steady
         longest_ago = sorted(willing, key=lambda name: willing[name].asked)
-        return {name: willing[name].pace for name in longest_ago[:FIRST]}
+        return {name: willing[name].pace(guess) for name in longest_ago[:FIRST]}
 
     def to_try(self, began: float) -> list[str]:
         """Names of workers that are due to be tried with a row that another one has as well.
@@ -251,5 +259,5 @@ class Workers:
             answers = worker.steady and not worker.leaving
             state = worker.refusal or ("answers" if answers else silent)
             since = now - worker.heard if worker.heard else -1.0
-            rollouts_per_s = float(np.round(worker.pace.rows_per_ms * 1e3))
+            rollouts_per_s = float(np.round(worker.pace(0.0).rows_per_ms * 1e3))
             yield WorkerStatus(name, state, rollouts_per_s, worker.lost, since)

@@ -1,6 +1,6 @@
 import pytest
 
-from sumo_dist.dispatch.pace import FORGET_S, FRESH_S, Pace, Turnaround
+from sumo_dist.dispatch.pace import FORGET_S, SAMPLES, Pace, Turnaround
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_work_for_others_in_between_is_one(turnaround):
     turnaround.asked(1, 2, 0.0)
     turnaround.answered(1, 10.0, 0.010)
     turnaround.answered(2, 10.0, 0.120)
-    assert turnaround.wait_ms == pytest.approx(0.2 * 100.0)
+    assert turnaround.wait_ms == pytest.approx(50.0)  # of two, 0 and 100
 
 
 def test_a_late_answer_is_of_the_plan_that_it_was_asked_for(turnaround):
@@ -61,10 +61,17 @@ def test_an_answer_counts_once_and_old_questions_are_forgotten(turnaround):
     assert turnaround.wait_ms == pytest.approx(10.0)
 
 
-def test_what_was_measured_long_ago_does_not_count_any_more(turnaround):
-    turnaround.asked(1, 1, 0.0)
-    turnaround.answered(1, 0.0, 0.5)
-    later = 0.6 + FRESH_S
-    turnaround.asked(2, 2, later)
-    turnaround.answered(2, 0.0, later + 0.01)
-    assert turnaround.wait_ms == pytest.approx(10.0)
+def wait(turnaround, number, ms):
+    """Let a plan's only answer take some time beside its rollouts."""
+    turnaround.asked(number, number, float(number))
+    turnaround.answered(number, 0.0, number + ms * 1e-3)
+
+
+def test_one_answer_that_is_held_up_changes_nothing_and_a_link_that_is_slow_soon_shows(turnaround):
+    for number in range(1, 4):
+        wait(turnaround, number, 2.0)
+    wait(turnaround, 4, 500.0)
+    assert turnaround.wait_ms == pytest.approx(2.0)
+    for number in range(5, 5 + SAMPLES // 2):
+        wait(turnaround, number, 40.0)
+    assert turnaround.wait_ms == pytest.approx(40.0)
