@@ -24,9 +24,9 @@ from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.services.backlog import Backlog, Presence
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
-from sumo_dist.wire.bus import SHOUT
+from sumo_dist.wire.bus import SHOUT, Bus
 from sumo_dist.wire.connection import Connection
-from sumo_dist.wire.keys import ANY, INSECURE, ROUTER, WORKER, Member, unique_name
+from sumo_dist.wire.keys import ANY, INSECURE, ROUTER, WORKER, Member, unique_name, view_token
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -58,6 +58,7 @@ SHOWN = (
     EpisodeEnd,
 )
 
+EMBEDDED = "embedded"
 _IDLE_S = 0.2
 _LAST_WORDS_S = 1.0  # how long messages are still taken after the stop
 
@@ -75,7 +76,7 @@ class TracerOptions(Connection):
         connect: the router's endpoint.
         keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose episodes to show.
-        viewer: "web", "native" or "none".
+        viewer: "web", "native" or "none"; "embedded" is "web" for the control page, which shows it.
         linger: stay after the last episode of a session, for the next robot's as well, until told
             to stop or the viewer is closed.
     """
@@ -286,8 +287,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
             bus.subscribe(kind, backlog.put, address=bus.robot if kind is Traces else ANY)
         bus.watch(WORKER, lambda member, alive: backlog.put(Presence(member, alive)))
         bus.watch(ROUTER, partial(_show_insecure, backlog))
-        bus.announce("tracer", unique_name())
-        _trace(options, backlog, stop)
+        _trace(options, bus, backlog, stop)
 
 
 def _show_insecure(backlog: Backlog, router: Member, alive: bool) -> None:
@@ -296,17 +296,19 @@ def _show_insecure(backlog: Backlog, router: Member, alive: bool) -> None:
         backlog.put(Event("", ROUTER, "warning", SHOUT))
 
 
-def _trace(options: TracerOptions, backlog: Backlog, stop: threading.Event) -> None:
+def _trace(options: TracerOptions, bus: Bus, backlog: Backlog, stop: threading.Event) -> None:
     from sumo_dist.view.outputs import LiveServer, Outputs
     from sumo_dist.view.rrd_file import RrdFile
     from sumo_dist.view.run_logger import RunLogger
     from sumo_dist.view.viewers import SERVER_PORT, free_port
 
     with ExitStack() as stack, ExitStack() as episode:
-        url = None
+        url, port = None, free_port(SERVER_PORT)
         if options.viewer != "none":
-            url = stack.enter_context(LiveServer(free_port(SERVER_PORT))).url
+            url = stack.enter_context(LiveServer(port)).url
         viewer = stack.enter_context(_open_viewer(options.viewer, url))
+        token = "-" if viewer.port is None else view_token(viewer.port, port)
+        bus.announce("tracer", unique_name(), token)
 
         def open_logger(info: EpisodeInfo) -> RunLogger:
             episode.close()
@@ -365,10 +367,10 @@ def _open_viewer(kind: str, url: str | None) -> "Viewer":
     from sumo_dist.view.viewers import Viewer
 
     try:
-        viewer = Viewer(kind, url or "")
+        viewer = Viewer("web" if kind == EMBEDDED else kind, url or "")
     except SumoError as error:
         _log.warning("%s; the run goes on and is recorded", error)
         return Viewer("none", "")
-    if viewer.address:
+    if viewer.address and kind != EMBEDDED:
         _log.info("watch the run at %s", viewer.address)
     return viewer

@@ -4,6 +4,7 @@ A worker is started for no task: the first request names one, and it compiles th
 """
 
 import logging
+import socket
 import threading
 import time
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,7 @@ from sumo_dist.wire.finding import router_here
 from sumo_dist.wire.health import Counters, Heartbeat
 from sumo_dist.wire.keys import POOL, WORKER, Member, checked_name, unique_name
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest, Traces
+from sumo_dist.wire.notices import Drain
 
 ROUTER_WAIT_S = 10.0  # a worker may be started before the router
 LOOK_S = 0.5  # between two looks for a router
@@ -98,11 +100,12 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
         Heartbeat(bus, options.name, evaluators.health),
     ):
         bus.subscribe(RolloutRequest, inbox.put, address=options.name)
+        bus.subscribe(Drain, partial(_leave, stop), address=options.name)
         optimizers = bus.watch("optimizer", partial(_say_misfit, build))
         _claim_the_name(bus, options.name, endpoint)
         bus.announce(WORKER, options.name, build)
-        drain = Drain(inbox, bus, evaluators)
-        while not (stop.is_set() and drain.over()):
+        leaving = Leaving(inbox, bus, evaluators)
+        while not (stop.is_set() and leaving.over()):
             request = inbox.get(timeout=0.1 if not stop.is_set() else QUIET_S)
             if request is None:
                 serving.idle(optimizers.now)
@@ -114,7 +117,12 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
                 bus.publish(traces)
 
 
-class Drain:
+def _leave(stop: threading.Event, drain: Drain) -> None:
+    log.info("%s has told this worker to end", drain.sender)
+    stop.set()
+
+
+class Leaving:
     """The end of a worker that was told to stop: it is asked no more and answers what it was."""
 
     def __init__(self, inbox: Inbox, bus: Bus, evaluators: "EvaluatorCache") -> None:
@@ -179,8 +187,13 @@ class EvaluatorCache:
 
     def health(self) -> tuple[str, Counters]:
         """How it is, for whoever watches."""
-        counters = {"answered": self._done, "refused": self._refusals, "task": self._task}
-        return "worker", {**counters, "busy s": round(self._busy_ms / 1e3, 1)}
+        return "worker", {
+            "host": socket.gethostname(),
+            "answered": self._done,
+            "refused": self._refusals,
+            "task": self._task,
+            "busy s": round(self._busy_ms / 1e3, 1),
+        }
 
     def __enter__(self) -> Self:
         self._problems.__enter__()

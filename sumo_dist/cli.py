@@ -59,6 +59,12 @@ COMMANDS = {
     "ctl": Command(
         "Steer a running robot: pause, reset, weights, ...", "sumo_dist.commands.ctl", "CtlOptions"
     ),
+    "control": Command(
+        "Open the page that shows and steers a running robot",
+        "sumo_dist.launch.serve",
+        "Control",
+        "control",
+    ),
     "top": Command("Show who is alive and what they lose", "sumo_dist.commands.top"),
     "chaos": Command("Run fault scripts and judge the runs", "sumo_dist.commands.chaos"),
     "task check": Command(

@@ -1,7 +1,5 @@
 """`sumo-dist ctl`, `stop` and `resume`: commands to a robot that works, from any terminal."""
 
-import re
-import secrets
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -11,17 +9,17 @@ from typing import Annotated, get_args
 
 import tyro
 
+from sumo_dist.dispatch import commander
+from sumo_dist.dispatch.commander import Commander
 from sumo_dist.episode.command import Verb
 from sumo_dist.errors import SumoError, UsageError, unknown
-from sumo_dist.provenance import user_name
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.finding import ROUTER_S, Look, Place, Search
-from sumo_dist.wire.notices import Ack, CommandMessage
+from sumo_dist.wire.keys import checked_name
 from sumo_dist.wire.session import nobody_listens
 
-AGAIN_S = 0.1  # a command that is not answered is sent again; the robot carries it out once
-PATIENCE_S = 5.0
+LOOK_S = 0.1  # between two looks for a robot
 STARTING_S = 3.0  # a run that has a router has a robot by then, or ends
 
 # verb -> what its words are; a word in brackets may be left out
@@ -37,6 +35,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "stop": ("[REASON...]",),
     "stand": (),
 }
+DRAIN = "drain"  # is said to a worker, all others to the robot
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,8 @@ class CtlOptions:
 
     Attributes:
         words: what to do: pause, resume, step [TICKS], reset [SEED], task TASK [SEED], weight
-            NAME=VALUE, parameter NAME=VALUE, planner NAME=VALUE, stop [REASON...] or stand.
+            NAME=VALUE, parameter NAME=VALUE, planner NAME=VALUE, stop [REASON...], stand, or drain
+            WORKER: it finishes what it was asked, and ends.
         connect: the router's endpoint; by default that of the run that is here.
         keys: folder from `sumo-dist keys host`, for a router with TLS.
         robot: its name on the bus; by default the one that is there.
@@ -127,7 +127,7 @@ def _robots(search: Search) -> Look:
     while not (look := search.look()).places:
         if time.monotonic() >= deadline or not (look.routers or look.silent):
             raise SumoError(search.nobody(look))
-        time.sleep(AGAIN_S)
+        time.sleep(LOOK_S)
     return look
 
 
@@ -140,12 +140,30 @@ def resume(options: Options) -> int:
 
 def main(options: CtlOptions) -> int:
     """Give a command and say what came of it."""
+    if options.words[:1] == (DRAIN,):
+        return _drain(options)
     if not options.words or options.words[0] not in WORDS:
-        raise unknown("command", " ".join(options.words[:1]), get_args(Verb))
+        raise unknown("command", " ".join(options.words[:1]), [*get_args(Verb), DRAIN])
     verb, *words = options.words
     name, value = _parsed(verb, words)
     search = _search(options)
     print(_command(search, search.one(), verb, name, value))  # pyright: ignore[reportArgumentType]
+    return 0
+
+
+def _drain(options: CtlOptions) -> int:
+    if len(options.words) != 2:
+        raise UsageError(
+            f"needs `ctl {DRAIN} WORKER`, got {' '.join(options.words[1:]) or 'nothing'}"
+        )
+    worker, search = checked_name("worker", options.words[1]), _search(options)
+    place = search.one()
+    if nobody_listens(place.endpoint):
+        raise SumoError(f"{worker} cannot be told to end: no router answers at {place.endpoint}")
+    with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S, keys=search.keys) as bus:
+        if not Commander(bus).drain(worker):
+            raise SumoError(f"{worker} is still at {place.endpoint}")
+    print(f"{worker} is not at {place.endpoint} any more")
     return 0
 
 
@@ -176,20 +194,15 @@ def _parsed(verb: str, words: list[str]) -> tuple[str, str]:
 
 def _command(search: Search, place: Place, verb: Verb, name: str = "", value: str = "") -> str:
     """Send a command until the robot answers; return what came of it."""
-    user = re.sub(r"[^A-Za-z0-9-]", "-", user_name()).strip("-")[:40] or "somebody"
-    sender = f"{user}-{secrets.token_hex(3)}"
-    message = CommandMessage("any", 0, sender, verb, name, value)
     if nobody_listens(place.endpoint):
         raise SumoError(f"{place} cannot be told to {verb}: no router answers there")
     with Bus.dial(place.endpoint, place.robot, timeout=ROUTER_S, keys=search.keys) as bus:
-        answers = bus.newest(Ack, address=sender)
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            bus.publish(message)
-            if (ack := answers.wait(AGAIN_S)) is not None:
-                if ack.refusal:
-                    raise SumoError(f"{place.who} refuses to {verb}: {ack.refusal}")
-                return f"{place.who}: {verb} at tick {ack.tick}"
-    raise SumoError(
-        f"{place.who} did not answer within {PATIENCE_S:g} s: it is not at {place.endpoint}"
-    )
+        ack = Commander(bus).give(verb, name, value)
+    if ack is None:
+        raise SumoError(
+            f"{place.who} did not answer within {commander.PATIENCE_S:g} s: "
+            f"it is not at {place.endpoint}"
+        )
+    if ack.refusal:
+        raise SumoError(f"{place.who} refuses to {verb}: {ack.refusal}")
+    return f"{place.who}: {verb} at tick {ack.tick}"

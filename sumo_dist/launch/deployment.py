@@ -11,6 +11,7 @@ from sumo_dist.errors import UsageError
 from sumo_dist.launch import serve
 from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import Launcher, Service, dialled, listening
+from sumo_dist.services.tracer import EMBEDDED
 from sumo_dist.tasks import load_task, task_source
 from sumo_dist.terminal import say
 from sumo_dist.wire.session import DEFAULT_ENDPOINT, is_secure, no_router, nobody_listens
@@ -127,10 +128,12 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         "robot": deployment.robot or load_task(episode.task).scene.robot.name,
     }
     if deployment.viewer is not None:  # first: it has most to load before it shows anything
-        tracer = serve.Tracer(
-            out=deployment.out, viewer=deployment.viewer, **bus, keys=keys("tracer")
-        )
+        viewer = EMBEDDED if deployment.viewer == "web" else deployment.viewer
+        tracer = serve.Tracer(out=deployment.out, viewer=viewer, **bus, keys=keys("tracer"))
         yield Service("tracer", "tracer", tracer, vital=False)
+    if deployment.viewer == "web":
+        page = serve.Control(**bus, keys=keys("operator"))
+        yield Service("control", "control", page, vital=False)
     yield Service("state-estimator", "state-estimator", serve.Estimator(**bus, keys=keys("robot")))
     optimizer = serve.Optimizer(
         engine=episode.engine, priority=deployment.priority, **bus, keys=keys("optimizer")

@@ -9,6 +9,7 @@ from sumo_dist.launch import logs
 from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import PARENT
 from sumo_dist.priority import go_first
+from sumo_dist.services import control as control_service
 from sumo_dist.services import estimator as estimator_service
 from sumo_dist.services import optimizer as optimizer_service
 from sumo_dist.services import robot as robot_service
@@ -19,6 +20,7 @@ from sumo_dist.signals import on_ending
 from sumo_dist.wire.audit import audited
 from sumo_dist.wire.session import is_secure
 
+Control = control_service.ControlOptions
 Estimator = estimator_service.EstimatorOptions
 Optimizer = optimizer_service.OptimizerOptions
 Robot = robot_service.RobotOptions
@@ -63,6 +65,13 @@ def tracer(options: Tracer) -> int:
     """Show and record until the run has ended."""
     with service() as stop:
         tracer_service.run(options, stop)
+    return 0
+
+
+def control(options: Control) -> int:
+    """Serve the operator's page until stopped."""
+    with service() as stop:
+        control_service.run(options, stop)
     return 0
 
 

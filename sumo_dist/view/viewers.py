@@ -37,6 +37,7 @@ class Viewer:
             SumoError: there is no such kind, no display for a window, or no viewer installed.
         """
         self.address: str | None = None  # of the page to open, for "web"
+        self.port: int | None = None  # that it is served on
         self._process: subprocess.Popen[bytes] | None = None
         self._page: PageServer | None = None
         if kind not in VIEWERS:
@@ -91,6 +92,7 @@ class Viewer:
         live = source if isinstance(source, str) else f"rerun+http://127.0.0.1:{server}/proxy"
         self._page = PageServer(web, f"http://127.0.0.1:{inner}")
         page = f"http://127.0.0.1:{web}/"
+        self.port = web
         self.address = f"{page}?url={quote(live, safe='')}&hide_welcome_screen"
 
 

@@ -14,7 +14,7 @@ from urllib.parse import quote, unquote
 
 from sumo_dist.errors import UsageError
 
-SCHEMA = 6  # raise it with every change of a message's fields or of their meaning
+SCHEMA = 7  # raise it with every change of a message's fields or of their meaning
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"  # free of Zenoh's / * $ ? #
 ANY = "*"
@@ -33,7 +33,7 @@ class Member:
         role: "optimizer", "rollout-worker", ...
         id: unique among the services of its role.
         schema: version of the messages it speaks.
-        build: of its rollout engine; "-" for services without one.
+        build: of its rollout engine; of a tracer see `view_token`; "-" of all others.
     """
 
     role: str
@@ -46,6 +46,22 @@ def unique_name() -> str:
     """Return a name that no other process on any host has."""
     host = re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()).strip("-")[:40]
     return f"{host or 'host'}-{os.getpid()}"
+
+
+def is_here(name: str) -> bool:
+    """Whether a name that `unique_name` made is of a process on this machine."""
+    return name.rpartition("-")[0] == unique_name().rpartition("-")[0]
+
+
+def view_token(page: int, data: int) -> str:
+    """What a tracer has in place of a build: the ports of Rerun's page and of its data."""
+    return f"view.{page}.{data}"
+
+
+def view_ports(build: str) -> tuple[int, int] | None:
+    """Return the ports of a tracer's token, None if it serves no page."""
+    found = re.fullmatch(r"view\.(\d{1,5})\.(\d{1,5})", build)
+    return None if found is None else (int(found[1]), int(found[2]))
 
 
 def checked_name(kind: str, name: str) -> str:

@@ -74,7 +74,7 @@ class EpisodeInfo(Message):
 
     topic: ClassVar[str] = "episode"
     sent_by: ClassVar[tuple[str, ...]] = ("robot",)
-    heard_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "tracer")
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer", "operator", "tracer")
     any_run: ClassVar[bool] = True
     config: Annotated[str, Text(longest=20_000)]
     task_hash: Annotated[str, Text(longest=64)]
@@ -116,7 +116,7 @@ class State(Message):
 
     topic: ClassVar[str] = "state"
     sent_by: ClassVar[tuple[str, ...]] = ("robot",)
-    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "operator", "tracer")
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     tick: Count
     state: Annotated[np.ndarray, Array("f8", "n")]
@@ -144,7 +144,7 @@ class Question(Message):
 
     topic: ClassVar[str] = "question"
     sent_by: ClassVar[tuple[str, ...]] = ("robot",)
-    heard_by: ClassVar[tuple[str, ...]] = ("optimizer", "tracer")
+    heard_by: ClassVar[tuple[str, ...]] = ("optimizer", "operator", "tracer")
     any_run: ClassVar[bool] = True  # the optimizer may not have heard of the episode yet
     ordered_by: ClassVar[tuple[str, ...]] = ("tick",)
     number: Annotated[int, Int(-1, 2**53)]
@@ -181,7 +181,7 @@ class PlanMessage(Message):
 
     topic: ClassVar[str] = "plan"
     sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
-    heard_by: ClassVar[tuple[str, ...]] = ("robot", "tracer")
+    heard_by: ClassVar[tuple[str, ...]] = ("robot", "operator", "tracer")
     most_bytes: ClassVar[int] = MAX_BYTES
     plan: WirePlan
     costs: Annotated[np.ndarray, Array("f8", "B")]
@@ -370,7 +370,7 @@ class EpisodeEnd(Message):
 
     topic: ClassVar[str] = "end"
     sent_by: ClassVar[tuple[str, ...]] = ("robot",)
-    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     tick: Count
     reason: str
     success: bool

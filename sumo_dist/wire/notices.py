@@ -30,7 +30,7 @@ class Event(Message):
 
     topic: ClassVar[str] = "events"
     sent_by: ClassVar[tuple[str, ...]] = ("robot", "optimizer")
-    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True
@@ -127,6 +127,25 @@ class Ack(Message):
     refusal: Annotated[str, Text(longest=1000)]
 
 
+@dataclass(frozen=True, eq=False)
+class Drain(Message):
+    """An operator -> one worker: finish what it was asked, then end.
+
+    Attributes:
+        worker: who is told.
+        sender: who tells it.
+    """
+
+    topic: ClassVar[str] = "drain"
+    sent_by: ClassVar[tuple[str, ...]] = ("operator",)
+    heard_by: ClassVar[tuple[str, ...]] = ("worker",)
+    addressed_by: ClassVar[str | None] = "worker"
+    any_run: ClassVar[bool] = True
+    pooled: ClassVar[bool] = True
+    worker: Name
+    sender: Name
+
+
 class WorkerStatus(NamedTuple):
     """How one worker is.
 
@@ -157,7 +176,7 @@ class WorkerHealth(Message):
 
     topic: ClassVar[str] = "worker-health"
     sent_by: ClassVar[tuple[str, ...]] = ("optimizer",)
-    heard_by: ClassVar[tuple[str, ...]] = ("tracer",)
+    heard_by: ClassVar[tuple[str, ...]] = ("operator", "tracer")
     addressed_by: ClassVar[str | None] = "source"
     background: ClassVar[bool] = True
     any_run: ClassVar[bool] = True

@@ -8,6 +8,7 @@ import pytest
 
 from sumo_dist.cli import main
 from sumo_dist.commands import ctl
+from sumo_dist.dispatch import commander
 from sumo_dist.dispatch.operator import BusOperator
 from sumo_dist.episode.command import Verb
 from sumo_dist.wire import finding, routers
@@ -107,7 +108,7 @@ def test_stop_finds_the_robot_whatever_its_name(router, robot, capsys, monkeypat
 def test_stop_stops_all_that_are_there_and_says_who_did_not_answer(
     endpoint, robot, capsys, monkeypatch, tmp_path, free_endpoint
 ):
-    monkeypatch.setattr(ctl, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(commander, "PATIENCE_S", 1.0)
     hanging = free_endpoint()
     runs = machine(monkeypatch, tmp_path, (endpoint, "run A"), (hanging, "run B"))
     with runs, open_router(endpoint), ExitStack() as stack:
@@ -170,7 +171,7 @@ def test_two_terminals_are_two_senders(router, robot):
 
 
 def test_without_a_robot_it_gives_up_and_says_so(router, robot, capsys, monkeypatch):
-    monkeypatch.setattr(ctl, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(commander, "PATIENCE_S", 0.3)
     assert main(["ctl", "pause", "--connect", router, "--robot", robot]) == 3
     err = capsys.readouterr().err
     assert f"{robot} did not answer within 0.3 s: it is not at {router}" in err

@@ -16,10 +16,9 @@ PACKAGE = Path(__file__).parents[2] / "sumo_dist"
 ROOMS = (
     *("errors", "timing", "provenance", "priority", "load", "signals", "terminal", "tables"),
     *("extras", "startup", "authority"),
-    *("extras", "startup", "authority"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
-    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "view"),
+    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "control", "view"),
     *(
         "services",
         "launch",

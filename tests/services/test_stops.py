@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.cli import main
-from sumo_dist.commands import ctl
+from sumo_dist.dispatch import commander
 from sumo_dist.robots.spot import SPOT
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.notices import Health
@@ -157,7 +157,7 @@ def test_while_it_sits_it_is_told_to_stand_first(run_system, endpoint, capfd, ev
 
 
 def test_nobody_to_stop_is_said(router, capfd, monkeypatch):
-    monkeypatch.setattr(ctl, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(commander, "PATIENCE_S", 0.5)
     assert main(["stop", "--connect", router, "--robot", "nobody"]) == 3
     said = capfd.readouterr().err
     assert f"nobody did not answer within 0.5 s: it is not at {router}" in said

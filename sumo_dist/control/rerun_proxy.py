@@ -1,0 +1,70 @@
+"""Rerun's page and data under the control page's own address: one port for a tunnel or a tablet."""
+
+from collections.abc import AsyncIterator, Callable
+
+from aiohttp import ClientConnectionError, ClientSession, ClientTimeout, web
+
+VIEW = "/view/"
+_DATA = "/rerun.{call:.+}"  # calls of gRPC: /rerun.sdk_comms.v1alpha1.MessageProxyService/...
+_PIECE = 1 << 16
+_KEPT = ("Content-Type", "Cache-Control", "ETag", "Content-Encoding", "Content-Security-Policy")
+_ASKED = (
+    "Content-Type",
+    "Accept",
+    "If-None-Match",
+    "X-Grpc-Web",
+    "X-User-Agent",
+    "Accept-Encoding",
+)
+
+Ports = tuple[int, int]
+"""(of Rerun's page, of its data)"""
+
+
+class RerunProxy:
+    """Passes requests on to Rerun's servers of this machine, and the answers as they come."""
+
+    def __init__(self, ports: Callable[[], Ports | None]) -> None:
+        """Pass on to wherever `ports` says that the tracer serves, if it does."""
+        self._ports = ports
+        self._session: ClientSession | None = None
+
+    def add_to(self, app: web.Application) -> None:
+        """Add the routes."""
+        app.router.add_get(VIEW + "{path:.*}", self._page)
+        app.router.add_route("*", _DATA, self._data)
+        app.cleanup_ctx.append(self._open)
+
+    async def _open(self, app: web.Application) -> AsyncIterator[None]:
+        del app
+        timeout = ClientTimeout(total=None, sock_connect=5.0)
+        async with ClientSession(timeout=timeout, auto_decompress=False) as self._session:
+            yield
+
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        return await self._pass_on(request, 0, f"/{request.match_info['path']}")
+
+    async def _data(self, request: web.Request) -> web.StreamResponse:
+        return await self._pass_on(request, 1, request.path)
+
+    async def _pass_on(self, request: web.Request, which: int, path: str) -> web.StreamResponse:
+        ports = self._ports()
+        if ports is None or self._session is None:
+            return web.Response(status=503, text="no tracer of this machine shows this session\n")
+        asked = {name: request.headers[name] for name in _ASKED if name in request.headers}
+        try:
+            async with self._session.request(
+                request.method,
+                f"http://127.0.0.1:{ports[which]}{path}",
+                headers=asked,
+                data=await request.read() or None,
+            ) as found:
+                kept = {name: found.headers[name] for name in _KEPT if name in found.headers}
+                response = web.StreamResponse(status=found.status, headers=kept)
+                await response.prepare(request)
+                async for piece in found.content.iter_chunked(_PIECE):
+                    await response.write(piece)
+                await response.write_eof()
+                return response
+        except ClientConnectionError:
+            return web.Response(status=502, text="the tracer's viewer does not answer\n")

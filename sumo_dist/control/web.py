@@ -1,0 +1,177 @@
+"""The operator's page and its line to the session: one HTTP server, on loopback unless told.
+
+Whoever opens `/live`, a WebSocket, is sent `{"steers": ...}` once, `{"offer": ...}` once an
+episode, `{"picture": ...}` some times a second, and `{"answer": ...}` to each `{"id", "verb",
+"name", "value"}` that it sends. Verbs are those of `sumo-dist ctl`.
+"""
+
+import asyncio
+import json
+import secrets
+from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from aiohttp import WSMsgType, web
+
+from sumo_dist.control.picture import Picture
+from sumo_dist.control.rerun_proxy import RerunProxy
+
+PERIOD_S = 0.1  # between two pictures
+PAGE = Path(__file__).with_name("page")
+LOCAL = ("localhost", "127.0.0.1", "::1")
+COOKIE = "sumo-dist"
+STOPS = 4  # that may wait for their answers at once; other commands go one after the other
+LONGEST = 4096  # bytes of a command
+
+Give = Callable[[str, str, str], str] | None
+"""(verb, name, value) -> why it was refused, "" if it was carried out; None: the page only shows"""
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True)
+class Access:
+    """Who may open the page.
+
+    Attributes:
+        token: that a browser must show once; "" on loopback, where it needs none.
+        names: of this machine, by which a browser may address it; () for any.
+    """
+
+    token: str = ""
+    names: tuple[str, ...] = LOCAL
+
+    def refusal(self, request: web.Request) -> str:
+        """Say why a request is not answered, "" if it is.
+
+        A page of another site must not reach a server of this machine by the browser of somebody
+        who is here: neither under a name of its own, nor by a WebSocket, which needs no permission.
+        """
+        host = urlsplit(f"//{request.host}").hostname or ""
+        if self.names and host not in self.names:
+            return f"this server is not called {host}"
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            return f"a page of {origin} may not steer this robot"
+        shown = request.query.get("token") or request.cookies.get(COOKIE, "")
+        if self.token and not secrets.compare_digest(shown.encode(), self.token.encode()):
+            return "open the address with the token that `sumo-dist control` printed"
+        return ""
+
+
+class ControlServer:
+    """Serves the page; see the module."""
+
+    def __init__(self, picture: Picture, give: Give, access: Access) -> None:
+        """Prepare.
+
+        Args:
+            picture: of the session.
+            give: carries a command out; may take seconds, and is called by threads of this.
+            access: who may open the page.
+        """
+        self._picture, self._give, self._access = picture, give, access
+        self._clients: set[web.WebSocketResponse] = set()
+        self._commands = ThreadPoolExecutor(1, "command")
+        self._stops = ThreadPoolExecutor(STOPS, "stop")
+        self._rerun = RerunProxy(lambda: picture.view)
+        self._offered: dict[web.WebSocketResponse, Any] = {}
+
+    def app(self) -> web.Application:
+        """Return the application."""
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            return await self._guarded(request, handler)
+
+        app = web.Application(middlewares=[guard])
+        app.router.add_get("/", self._index)
+        app.router.add_get("/live", self._live)
+        app.router.add_static("/page/", PAGE)
+        self._rerun.add_to(app)
+        app.cleanup_ctx.append(self._run)
+        return app
+
+    async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if reason := self._access.refusal(request):
+            return web.Response(status=403, text=f"{reason}\n")
+        response = await handler(request)
+        if not response.prepared and request.query.get("token"):
+            secure = request.scheme == "https"
+            token = self._access.token
+            response.set_cookie(COOKIE, token, httponly=True, samesite="Strict", secure=secure)
+        return response
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        del request
+        return web.FileResponse(PAGE / "index.html", headers={"Cache-Control": "no-cache"})
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        """Tell a client what there is until it leaves, and take its commands."""
+        socket = web.WebSocketResponse(heartbeat=5.0, max_msg_size=LONGEST)
+        await socket.prepare(request)
+        await _send(socket, {"steers": self._give is not None})
+        self._clients.add(socket)
+        answers: set[asyncio.Task[None]] = set()
+        try:
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    answer = asyncio.create_task(self._answer(socket, message.data))
+                    answers.add(answer)
+                    answer.add_done_callback(answers.discard)
+        finally:
+            self._clients.discard(socket)
+            self._offered.pop(socket, None)
+        return socket
+
+    async def _answer(self, socket: web.WebSocketResponse, text: str) -> None:
+        try:
+            asked = json.loads(text)
+            verb, name, value = (str(asked.get(key, "")) for key in ("verb", "name", "value"))
+            number = asked.get("id")
+        except (ValueError, AttributeError):
+            return  # no page of ours
+        if self._give is None:
+            refusal = "this page only shows the run"
+        else:
+            threads, loop = (
+                self._stops if verb == "stop" else self._commands,
+                asyncio.get_running_loop(),
+            )
+            refusal = await loop.run_in_executor(threads, self._give, verb, name, value)
+        await _send(socket, {"answer": {"id": number, "refusal": refusal}})
+
+    async def _run(self, app: web.Application) -> AsyncIterator[None]:
+        """Send pictures while the application runs."""
+        del app
+        pictures = asyncio.create_task(self._send_pictures())
+        yield
+        pictures.cancel()
+        for socket in list(self._clients):
+            await socket.close()
+        self._commands.shutdown(wait=False, cancel_futures=True)
+        self._stops.shutdown(wait=False, cancel_futures=True)
+
+    async def _send_pictures(self) -> None:
+        while True:
+            if self._clients:
+                offered, text = (
+                    self._picture.offer,
+                    json.dumps({"picture": self._picture.snapshot()}),
+                )
+                for socket in list(self._clients):
+                    if offered is not None and self._offered.get(socket) is not offered:
+                        self._offered[socket] = offered
+                        await _send(socket, {"offer": offered})
+                    await _send(socket, text)
+            await asyncio.sleep(PERIOD_S)
+
+
+async def _send(socket: web.WebSocketResponse, message: dict[str, Any] | str) -> None:
+    """Send, unless the client is leaving."""
+    with suppress(ConnectionError, RuntimeError):
+        await socket.send_str(message if isinstance(message, str) else json.dumps(message))
