@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast, get_args
 
+from sumo_dist.control.answer import Answer
 from sumo_dist.dispatch import commander
 from sumo_dist.dispatch.commander import Commander
 from sumo_dist.episode.command import Verb
@@ -22,7 +23,7 @@ from sumo_dist.extras import need
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.finding import Search
-from sumo_dist.wire.keys import checked_name
+from sumo_dist.wire.keys import OPERATOR, checked_name, unique_name
 
 if TYPE_CHECKING:  # loaded when the service runs: other roles do not have it
     from aiohttp import web
@@ -80,6 +81,7 @@ def run(options: ControlOptions, stop: threading.Event) -> None:
         access = Access(secrets.token_urlsafe(18), ()) if beyond else Access()
         give = None if watch else Giver(bus).give
         server = ControlServer(picture, give, access)
+        bus.announce(keys.certificate.role if keys is not None else OPERATOR, unique_name())
         scheme = "http" if options.https is None else "https"
         _log.info(
             "%s the run at %s", "watch" if watch else "steer", _address(sock, scheme, access.token)
@@ -98,20 +100,20 @@ class Giver:
         """Speak on a robot's bus, to it and to the workers of its router."""
         self._robot, self._commander = bus.robot, Commander(bus)
 
-    def give(self, verb: str, name: str, value: str) -> str:
-        """Return why a command was refused, "" if it was carried out."""
+    def give(self, verb: str, name: str, value: str) -> Answer:
+        """Carry out a command."""
         if verb not in (DRAIN, *get_args(Verb)):
-            return f"there is no command {verb!r}"
+            return Answer(f"there is no command {verb!r}")
         try:
             if verb == DRAIN:
                 gone = self._commander.drain(checked_name("worker", name))
-                return "" if gone else f"{name} is still there"
+                return Answer("" if gone else f"{name} is still there")
             ack = self._commander.give(cast(Verb, verb), name, value)
         except SumoError as error:  # the bus is being closed, or a text is too long
-            return str(error)
+            return Answer(str(error))
         if ack is None:
-            return f"{self._robot} did not answer within {commander.PATIENCE_S:g} s"
-        return ack.refusal
+            return Answer(f"{self._robot} did not answer within {commander.PATIENCE_S:g} s")
+        return Answer(ack.refusal, ack.tick)
 
 
 def listening(listen: str | None) -> socket.socket:

@@ -118,7 +118,8 @@ def run(options: WorkerOptions, stop: threading.Event, aloud: bool = True) -> No
 
 
 def _leave(stop: threading.Event, drain: Drain) -> None:
-    log.info("%s has told this worker to end", drain.sender)
+    if not stop.is_set():  # else it was said again
+        log.info("%s has told this worker to end", drain.sender)
     stop.set()
 
 

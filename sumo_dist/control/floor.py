@@ -50,6 +50,9 @@ class FloorPlan:
         Returns:
             "shapes": of robot and things: [whose, [[x, y], ...]], whose "robot" or "thing"; and
             "places": [x, y, heading] of each of `frames`; [m], [rad].
+
+        Raises:
+            UsageError: the state is of another size.
         """
         self._data.qpos[:] = self._index.unpack(state)[0]
         mujoco.mj_kinematics(self._model, self._data)

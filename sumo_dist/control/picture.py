@@ -11,10 +11,10 @@ import numpy as np
 from sumo_dist.control.floor import FloorPlan
 from sumo_dist.control.offer import offer
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD, TICK
-from sumo_dist.wire.keys import ROUTER, WORKER, Member, is_here, view_ports
+from sumo_dist.wire.keys import OPERATOR, ROUTER, WORKER, Member, is_here, view_ports
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -25,7 +25,8 @@ from sumo_dist.wire.messages import (
 )
 from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth, WorkerStatus
 
-SHOWN = (EpisodeInfo, State, Question, PlanMessage, EpisodeEnd, Event, Ack, Health, WorkerHealth)
+ALWAYS = (Event, Ack, Health, WorkerHealth)  # whatever the episode
+SHOWN = (EpisodeInfo, State, Question, PlanMessage, EpisodeEnd, *ALWAYS)
 EVENTS = 100  # that are kept
 RATE_S = 2.0  # wall time over which rates are counted
 SILENT_S = 2.0  # a worker of which nothing was heard for this long is left out
@@ -49,6 +50,8 @@ class Picture:
         self._health: dict[str, tuple[float, Health]] = {}
         self._workers: dict[str, tuple[float, WorkerStatus]] = {}
         self._run = ""
+        # The newest of each kind of an episode that is not known yet: topics have no order.
+        self._early: dict[type[Message], Message] = {}
         self._begin()
 
     def _begin(self) -> None:
@@ -68,7 +71,7 @@ class Picture:
         """Take note of a service that has come or gone."""
         with self._lock:
             (self._members.add if alive else self._members.discard)(member)
-            if member.role not in (ROUTER, "operator"):
+            if member.role not in (ROUTER, OPERATOR):
                 how = "is there" if alive else "is gone"
                 self._event("info" if alive else "warning", f"{member.role} {member.id} {how}")
 
@@ -78,8 +81,10 @@ class Picture:
             self._enter(message)
             return
         with self._lock:
-            if type(message).any_run or message.run == self._run:
+            if isinstance(message, ALWAYS) or message.run == self._run:
                 self._take(message)
+            else:
+                self._early[type(message)] = message
 
     def _enter(self, info: EpisodeInfo) -> None:
         with self._lock:
@@ -87,6 +92,10 @@ class Picture:
                 return
             self._run = info.run
             self._begin()
+            for message in self._early.values():
+                if message.run == info.run:
+                    self._take(message)
+            self._early.clear()
         try:  # a second of compiling, in which messages of the next episode may wait
             config = EpisodeConfig.from_json(info.config)
             task = load_task(config.task)
@@ -108,15 +117,22 @@ class Picture:
                 _count(self._ticks, now, message.tick)
             case Question():
                 self._question = message
+                if self._state is None or message.tick > self._state.tick:
+                    self._state = State(message.run, message.tick, message.state)
             case PlanMessage() if self._plan is None or message.order > self._plan.order:
-                before = -1 if self._plan is None else self._plan.plan.number
-                self._missed += message.plan.number - before - 1
+                if self._plan is not None:
+                    self._missed += message.plan.number - self._plan.plan.number - 1
                 self._plan = message
                 _count(self._plans, now, message.plan.number)
             case EpisodeEnd() if self._end is None:
                 self._end = message
                 level = "info" if message.success else "warning"
                 self._event(level, f"the episode has ended: {message.reason}")
+            case _:
+                self._take_words(message, now)
+
+    def _take_words(self, message: Message, now: float) -> None:
+        match message:
             case Event():
                 self._event(message.level, f"{message.source}: {message.text}")
             case Ack() if message.refusal:
@@ -168,7 +184,7 @@ class Picture:
             "mode": mode,
             "tick": tick,
             "s": round(tick * TICK, 2),
-            "silent_s": round(now - self._heard, 1) if self._state is not None else None,
+            "silent_s": round(now - self._heard, 1) if self._heard else None,
             "speed": _rounded(_rate(self._ticks, now) * TICK),
         }
 
@@ -214,7 +230,7 @@ class Picture:
             return None
         try:
             return self._floor.at(self._state.state)
-        except ValueError:  # a state of another size: of no robot that this is
+        except UsageError:  # a state of another size: of another robot
             return None
 
     def _of_workers(self, now: float) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 
 from aiohttp import WSMsgType, web
 
+from sumo_dist.control.answer import Answer
 from sumo_dist.control.picture import Picture
 from sumo_dist.control.rerun_proxy import RerunProxy
 
@@ -28,8 +29,8 @@ COOKIE = "sumo-dist"
 STOPS = 4  # that may wait for their answers at once; other commands go one after the other
 LONGEST = 4096  # bytes of a command
 
-Give = Callable[[str, str, str], str] | None
-"""(verb, name, value) -> why it was refused, "" if it was carried out; None: the page only shows"""
+Give = Callable[[str, str, str], Answer] | None
+"""(verb, name, value) -> what came of it; None: the page only shows"""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -135,15 +136,14 @@ class ControlServer:
             number = asked.get("id")
         except (ValueError, AttributeError):
             return  # no page of ours
-        if self._give is None:
-            refusal = "this page only shows the run"
-        else:
+        answer = Answer("this page only shows the run")
+        if self._give is not None:
             threads, loop = (
                 self._stops if verb == "stop" else self._commands,
                 asyncio.get_running_loop(),
             )
-            refusal = await loop.run_in_executor(threads, self._give, verb, name, value)
-        await _send(socket, {"answer": {"id": number, "refusal": refusal}})
+            answer = await loop.run_in_executor(threads, self._give, verb, name, value)
+        await _send(socket, {"answer": {"id": number, **answer._asdict()}})
 
     async def _run(self, app: web.Application) -> AsyncIterator[None]:
         """Send pictures while the application runs."""

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from sumo_dist.planner.report import PlanReport
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.events import Tell
+from sumo_dist.wire.keys import OPERATOR, Member
 from sumo_dist.wire.messages import (
     EpisodeEnd,
     EpisodeInfo,
@@ -76,7 +77,7 @@ class RobotLink:
         bus.subscribe(PlanMessage, self._on_plan)
         bus.subscribe(NoPlan, self._on_no_plan)
         bus.subscribe(EpisodeInfo, self._on_info)
-        bus.watch(on_change=lambda _member, alive: self.announce() if alive else None)
+        bus.watch(on_change=self._on_member)
 
     def enter(self, episode: Episode, info: EpisodeInfo) -> None:
         """Take up an episode: from now on all that is said is of it, and others are told."""
@@ -93,11 +94,26 @@ class RobotLink:
             self._plans: dict[int, PlanReport] = {}
             self._heard = -1, 0.0  # newest plan that came in realtime, and when [s]
             self._no_plan = ""  # why none will come
+            self._asked: Question | None = None  # the newest question
 
     def announce(self) -> None:
         """Say which episode it is."""
         if self._info is not None:
             self._bus.publish(self._info)
+
+    def _on_member(self, member: Member, alive: bool) -> None:
+        """Tell whoever joins of the episode, and an operator what it is like.
+
+        While the robot is paused, nothing else would be said. In lockstep what is asked again gets
+        the same answer; in realtime no plan is wanted.
+        """
+        if not alive:
+            return
+        self.announce()
+        asked = self._asked
+        if member.role == OPERATOR and asked is not None:
+            lockstep = asked.clock == "lockstep"
+            self._bus.publish(asked if lockstep else replace(asked, speed=0.0))
 
     def end(self, tick: int, reason: str, success: bool, last: bool) -> None:
         """Say that the episode is over; messages may be dropped, and nobody answers this one."""
@@ -119,7 +135,7 @@ class RobotLink:
     ) -> PlanReport:
         """Return the plan of a state."""
         self._tick = request.tick
-        question = self._question(request, planner, clock, 1.0)
+        self._asked = question = self._question(request, planner, clock, 1.0)
         return self._ask(
             lambda: self._bus.publish(question), lambda: self._plans.get(request.number), "a plan"
         )
@@ -135,7 +151,8 @@ class RobotLink:
     def send_question(self, request: PlanRequest, planner: PlannerConfig, speed: float) -> None:
         """Publish a plan's question (realtime), unless it asks of a state that makes no sense."""
         if np.isfinite(request.state).all():
-            self._bus.publish(self._question(request, planner, "realtime", speed))
+            self._asked = self._question(request, planner, "realtime", speed)
+            self._bus.publish(self._asked)
 
     def _question(
         self, request: PlanRequest, planner: PlannerConfig, clock: Clock, speed: float

@@ -132,6 +132,7 @@ def _of_host(
         out=Path(folder, RUNS, run),
         robot=robot,
         keys=_keys(inventory, host, folder),
+        steered=False,
     )
 
 

@@ -39,6 +39,8 @@ class Deployment:
         trust: task files that its workers may run besides the episode's own, or folders of such.
         keys: this host's, a folder a role, for endpoints with TLS.
         insecure: the run's router takes anybody without keys.
+        steered: a "web" viewer is within the operator's page, a service of this run; else it is a
+            page by itself.
     """
 
     episode: EpisodeConfig
@@ -56,6 +58,7 @@ class Deployment:
     trust: tuple[Path, ...] = ()
     keys: Path | None = None
     insecure: bool = False
+    steered: bool = True
 
     def __post_init__(self) -> None:
         if not 0 < self.wait <= 3600:
@@ -127,13 +130,14 @@ def services(deployment: Deployment, endpoint: str) -> Iterator[Service]:
         "connect": endpoint,
         "robot": deployment.robot or load_task(episode.task).scene.robot.name,
     }
+    page = deployment.steered and deployment.viewer == "web"
     if deployment.viewer is not None:  # first: it has most to load before it shows anything
-        viewer = EMBEDDED if deployment.viewer == "web" else deployment.viewer
+        viewer = EMBEDDED if page else deployment.viewer
         tracer = serve.Tracer(out=deployment.out, viewer=viewer, **bus, keys=keys("tracer"))
         yield Service("tracer", "tracer", tracer, vital=False)
-    if deployment.viewer == "web":
-        page = serve.Control(**bus, keys=keys("operator"))
-        yield Service("control", "control", page, vital=False)
+    if page:
+        control = serve.Control(**bus, keys=keys("operator"))
+        yield Service("control", "control", control, vital=False)
     yield Service("state-estimator", "state-estimator", serve.Estimator(**bus, keys=keys("robot")))
     optimizer = serve.Optimizer(
         engine=episode.engine, priority=deployment.priority, **bus, keys=keys("optimizer")

@@ -19,7 +19,7 @@ ANNOUNCES: dict[str, tuple[str, ...]] = {
     "optimizer": ("optimizer",),
     "worker": (WORKER, "trial-worker"),
     "tracer": ("tracer",),
-    "operator": (),
+    "operator": ("operator",),
 }
 KINDS: tuple[type[Message], ...] = tuple(
     kind

@@ -22,6 +22,7 @@ POOL = "pool"  # stands where else a robot's name does, so no robot can have it
 PRIORITIES = 9  # a robot's priority at workers is from -9 to 9
 WORKER = "worker"  # the role that is of the pool, as the router's is; all others are of a robot
 ROUTER = "router"
+OPERATOR = "operator"
 OPEN, SECURE, INSECURE = "open", "secure", "insecure"  # a router's in place of a build
 
 

@@ -15,13 +15,18 @@ export function digits(number) {
 export class Pending {
   #values = new Map();
 
-  set(key, value, tick) { this.#values.set(key, { value, tick }); }
+  // Returns an entry, whose `tick` is to become that at which the value was set.
+  set(key, value) {
+    const entry = { value, tick: Infinity };
+    this.#values.set(key, entry);
+    return entry;
+  }
 
   // The value to show, given that of the newest question and its tick.
   shown(key, value, tick) {
     const set = this.#values.get(key);
     if (set === undefined) return value;
-    if (tick > set.tick || set.value === value) { this.#values.delete(key); return value; }
+    if (tick >= set.tick) { this.#values.delete(key); return value; }
     return set.value;
   }
 

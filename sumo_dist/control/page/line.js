@@ -13,9 +13,9 @@ export class Line {
     setInterval(() => this.#watch(), 500);
   }
 
-  // Returns why the command was refused, "" if it was carried out.
+  // Returns what came of the command: {refusal, tick}; refusal is "" if it was carried out.
   async give(verb, name = "", value = "") {
-    if (this.#socket.readyState !== WebSocket.OPEN) return "there is no line to the control service";
+    if (this.#socket.readyState !== WebSocket.OPEN) return { refusal: "there is no line to the control service" };
     const id = ++this.#number;
     this.#socket.send(JSON.stringify({ id, verb, name, value: String(value) }));
     return new Promise((resolve) => this.#waiting.set(id, resolve));
@@ -25,7 +25,7 @@ export class Line {
     this.#socket = new WebSocket(new URL("live", location.href.replace(/^http/, "ws")));
     this.#socket.onmessage = (event) => this.#take(JSON.parse(event.data));
     this.#socket.onclose = () => {
-      for (const resolve of this.#waiting.values()) resolve("the control service is gone");
+      for (const resolve of this.#waiting.values()) resolve({ refusal: "the control service is gone" });
       this.#waiting.clear();
       this.#hear.lost();
       setTimeout(() => this.#open(), AGAIN_MS);
@@ -38,7 +38,7 @@ export class Line {
     if (message.offer) this.#hear.offer(message.offer);
     if (message.picture) this.#hear.picture(message.picture);
     if (message.answer) {
-      this.#waiting.get(message.answer.id)?.(message.answer.refusal);
+      this.#waiting.get(message.answer.id)?.(message.answer);
       this.#waiting.delete(message.answer.id);
     }
   }

@@ -11,7 +11,7 @@ const STATE_S = 1.0; // a state that is older than this is told
 const by = (id) => document.getElementById(id);
 const pending = new Pending();
 const header = new Header(), bars = new Bars();
-const fleet = new Fleet((name) => say(`drain ${name}`, line.give("drain", name)));
+const fleet = new Fleet(async (name) => (await give("drain", name)).refusal);
 const floor = new Floor(document.querySelector("#floor canvas"), moveGoal);
 let offer = null, picture = null, told = null, lost = true;
 let weights = [], parameters = [], settings = new Map();
@@ -23,21 +23,22 @@ const line = new Line({
   lost: () => { lost = true; showBanner(); },
 });
 
-// Shows why a command was refused, for a while; returns the refusal.
-async function say(what, refusal) {
-  const reason = await refusal;
-  told = reason ? { text: `${what} refused: ${reason}`, until: performance.now() + 6000 } : null;
+// Shows why a command was refused, for a while; returns what came of it.
+async function say(what, answer) {
+  const { refusal, tick } = await answer;
+  told = refusal ? { text: `${what} refused: ${refusal}`, until: performance.now() + 6000 } : null;
   showBanner();
-  return reason;
+  return { refusal, tick };
 }
 
 const give = (verb, name = "", value = "") => say([verb, name].join(" ").trim(), line.give(verb, name, value));
 
 // Sets a number and shows it until a plan has been asked for with it.
 async function set(verb, name, value, key) {
-  if (key !== undefined) pending.set(key, Array.isArray(value) ? value.join() : value, picture?.numbers?.tick ?? 0);
-  const refusal = await give(verb, name, Array.isArray(value) ? value.join() : value);
-  if (refusal) pending.clear();
+  const text = Array.isArray(value) ? value.join() : value;
+  const entry = pending.set(key, text);
+  const { refusal, tick } = await give(verb, name, text);
+  entry.tick = refusal ? -1 : tick;
   return refusal;
 }
 
@@ -174,7 +175,8 @@ by("reset").onclick = reset;
 by("reseed").onclick = reseed;
 by("tasks").onchange = async () => {
   by("tasks").blur();
-  if (await give("task", by("tasks").value, by("seed").value)) by("tasks").value = offer.source;
+  const { refusal } = await give("task", by("tasks").value, by("seed").value);
+  if (refusal) by("tasks").value = offer.source;
 };
 document.addEventListener("keydown", stopByKey, true);
 document.addEventListener("keydown", (event) => {
