@@ -116,6 +116,10 @@ COMMANDS = {
     "bench links": Command(
         "Measure what slow and lossy links cost", "sumo_dist.bench.measure.links"
     ),
+    "bench view": Command(
+        "Measure what being watched costs, and how soon there is something to see",
+        "sumo_dist.bench.measure.view",
+    ),
     "bench jitter": Command(
         "Time how late the robot's commands are", "sumo_dist.bench.measure.jitter"
     ),

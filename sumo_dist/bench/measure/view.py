@@ -1,0 +1,283 @@
+"""`sumo-dist bench view`: what being watched costs a plan, and how soon there is something to see.
+
+One run is made with nobody who watches, with the recorder, and with the operator's page, its 3D
+view and the recorder, in turn. A client takes the page's pictures all the while.
+"""
+
+import asyncio
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, table
+from sumo_dist.episode.summary import read_summary
+from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.extras import need
+from sumo_dist.provenance import cores
+from sumo_dist.terminal import say
+
+START_S = 120.0  # for the services to come up
+WAYS = {
+    "nobody": ("--viewer=none",),
+    "recorder": ("--viewer=none", "--rrd"),
+    "page, 3D and recorder": ("--viewer=web",),
+}
+COLOURED, GREY = 1500, 60  # pixels that say that there is a scene; what differs less is grey
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+COLUMNS = {
+    "who watches": "{way}",
+    "p50 [ms]": "{plan_ms_p50:.1f}",
+    "p99 [ms]": "{plan_ms_p99:.1f}",
+    "p50 over nobody's": "{ratio_p50:.3f} ({ratio_p50_range[0]:.3f} to {ratio_p50_range[1]:.3f})",
+    "p99 over nobody's": "{ratio_p99:.3f} ({ratio_p99_range[0]:.3f} to {ratio_p99_range[1]:.3f})",
+    "plans": "{plans}",
+    "missed": "{missed}",
+}
+
+
+@dataclass(frozen=True)
+class Options(SeedOptions):
+    """Options of `bench view`.
+
+    Attributes:
+        trials: runs of each kind.
+        seconds: of robot time, at most, in each run.
+        workers: worker processes of one thread each; by default one for each core.
+        clock: lockstep, or realtime at --speed.
+        speed: of the realtime clock.
+        pictures: openings of the page in a browser; 0 leaves that out.
+    """
+
+    trials: int = 5
+    seconds: float = 4.0
+    workers: int | None = None
+    clock: str = "lockstep"
+    speed: float = 0.5
+    pictures: int = 3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_at_least(1, workers=self.workers)
+        check_at_least(0, pictures=self.pictures)
+        if not 0 < self.seconds <= 3600:
+            raise UsageError(f"seconds must be in (0, 3600], got {self.seconds}")
+
+
+def main(options: Options) -> int:
+    """Run all kinds in turn, and print a table or one JSON object."""
+    run_bench("bench view", options.json, lambda: measure(options), text)
+    return 0
+
+
+def measure(options: Options) -> Result:
+    """Run every seed in each way, then open the page some times."""
+    need("view", "bench view")
+    about, workers = options.about(), options.workers or cores()
+    summaries: dict[str, list[dict[str, Any]]] = {way: [] for way in WAYS}
+    for seed in options.seeds:
+        for way in WAYS if seed % 2 else reversed(WAYS):
+            summaries[way].append(summary := _run(options, workers, seed, way))
+            say(f"seed {seed}, {way}: p50 {summary['plan_ms_p50']:.1f} ms")
+    rows = [row(way, found, summaries["nobody"]) for way, found in summaries.items()]
+    opened = [_opened(options, workers) for _ in range(options.pictures)]
+    return {
+        **about,
+        "workers": workers,
+        "clock": options.clock,
+        "speed": options.speed if options.clock == "realtime" else None,
+        "rows": rows,
+        "pictures": opened,
+    }
+
+
+def _command(options: Options, workers: int, seed: int, out: str) -> list[str]:
+    given = {"seed": seed, "time-limit": options.seconds, "workers": workers, "out": out}
+    given |= {"clock": options.clock, "listen": "tcp/127.0.0.1:0"}
+    if options.clock == "realtime":
+        given["speed"] = options.speed
+    flags = [f"--{name}={value}" for name, value in given.items()]
+    return [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *flags]
+
+
+def _run(options: Options, workers: int, seed: int, way: str) -> dict[str, Any]:
+    """Make one run in processes of its own and return its summary."""
+    with TemporaryDirectory() as folder:
+        command = [*_command(options, workers, seed, folder), *WAYS[way]]
+        with Launched(command) as run:
+            if "--viewer=web" in command:
+                threading.Thread(target=_watch, args=(run,), daemon=True).start()
+            code = run.wait()
+        if code not in (0, 1):
+            raise SumoError(f"the run with seed {seed} failed: {run.said[-500:]}")
+        return read_summary(Path(folder))
+
+
+class Launched:
+    """A run in a process of its own; a context manager that ends it."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        """Start it."""
+        self.said = ""
+        self.address: str | None = None  # of the page, once it was told
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stderr is not None, "it was asked for"
+        for line in self._process.stderr:
+            self.said += line.decode(errors="replace")
+            if found := re.search(r"run at (http\S+)", self.said):
+                self.address = found[1]
+
+    def wait_for_page(self) -> str:
+        """Return the page's address, once it is there."""
+        deadline = time.monotonic() + START_S
+        while self.address is None:
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                raise SumoError(f"the run has no page: {self.said[-500:]}")
+            time.sleep(0.01)
+        return self.address
+
+    def wait(self) -> int:
+        """Return the exit code."""
+        return self._process.wait()
+
+    def __enter__(self) -> "Launched":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        self._process.wait()
+        self._reader.join()
+
+
+def _watch(run: Launched) -> None:
+    """Take the pictures of a page until the run ends, as a browser does."""
+    from aiohttp import ClientError, ClientSession
+
+    async def watch() -> None:
+        async with ClientSession() as session, session.ws_connect(f"{address}live") as socket:
+            async for _ in socket:
+                pass
+
+    address = run.wait_for_page()
+    with suppress(ClientError, OSError):
+        asyncio.run(watch())
+
+
+def _opened(options: Options, workers: int) -> dict[str, float]:
+    """Start a run and open its page in a new browser; return when what was seen [s].
+
+    The browser runs before the run is started, as that of somebody who works with it does.
+    """
+    binary = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if binary is None:
+        raise SumoError(f"no browser is here: one of {', '.join(BROWSERS)}, or --pictures 0")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise SumoError("opening a browser needs playwright: pip install playwright") from None
+    flags = ["--no-sandbox", "--ignore-gpu-blocklist", "--enable-unsafe-swiftshader"]
+    with TemporaryDirectory() as folder, sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(
+            executable_path=binary, args=[*flags, "--use-angle=gl-egl"]
+        )
+        tab = chromium.new_page(viewport={"width": 1600, "height": 900})
+        tab.set_default_timeout(START_S * 1e3)
+        began = time.monotonic()
+        with Launched([*_command(options, workers, 1, folder), "--viewer=web", "--stay"]) as run:
+            address = run.wait_for_page()
+            seen = {"address_s": time.monotonic() - began}
+            tab.goto(address)
+            tab.wait_for_function("document.querySelectorAll('#costs .bar b:not(:empty)').length")
+            seen["floor_plan_s"] = time.monotonic() - began
+            _await_scene(tab)
+            seen["scene_s"] = time.monotonic() - began
+        chromium.close()
+    say(", ".join(f"{name} {value:.1f}" for name, value in seen.items()))
+    return seen
+
+
+def _await_scene(tab: Any) -> None:
+    """Wait until Rerun draws the world: its own page has next to no colours."""
+    canvas = tab.frame_locator("iframe").locator("canvas")
+    canvas.wait_for()
+    deadline = time.monotonic() + START_S
+    while time.monotonic() < deadline:
+        if _coloured(canvas.screenshot()) > COLOURED:
+            return
+        tab.wait_for_timeout(100)
+    raise SumoError("Rerun's view stays empty")
+
+
+def _coloured(png: bytes) -> int:
+    """Count the pixels of a picture that are not grey."""
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB"), np.int16)
+    return int((np.ptp(pixels, axis=-1) > GREY).sum())
+
+
+def row(
+    way: str, summaries: Sequence[dict[str, Any]], alone: Sequence[dict[str, Any]]
+) -> dict[str, Any]:
+    """Return medians over the runs of a way, and over nobody's of the same seeds with their range.
+
+    Args:
+        way: of watching.
+        summaries: of its runs.
+        alone: of the runs that nobody watched.
+    """
+    found: dict[str, Any] = {"way": way}
+    for percent in ("p50", "p99"):
+        key = f"plan_ms_{percent}"
+        own, others = (np.array([s[key] for s in runs], float) for runs in (summaries, alone))
+        found[key] = round(float(np.median(own)), 2)
+        found[f"ratio_{percent}"] = round(float(np.median(own / others)), 4)
+        found[f"ratio_{percent}_range"] = [
+            round(float(end(own / others)), 4) for end in (np.min, np.max)
+        ]
+    return {
+        **found,
+        "plans": sum(s["plans"] for s in summaries),
+        "missed": sum(s["missed_deadlines"] or 0 for s in summaries),
+    }
+
+
+def text(result: Result) -> Iterable[str]:
+    """Lay out what was measured."""
+    last = result["seed0"] + result["trials"] - 1
+    pace = "in lockstep" if result["speed"] is None else f"at {result['speed']} of the wall clock"
+    yield (
+        f"{result['task']}, seeds {result['seed0']} to {last}, {pace}, {result['workers']} workers "
+        f"of one thread, {result['engine']}. Wall time of plans, medians over runs; ratios to the "
+        "run of the same seed that nobody watches, their median and range."
+    )
+    yield table(COLUMNS, result["rows"])
+    if result["pictures"]:
+        names = {"address_s": "address told", "floor_plan_s": "floor plan and costs", "scene_s": "3D scene"}
+        shown = [
+            {"what": name, **dict(zip("abc", np.percentile(times, (50, 0, 100)), strict=True))}
+            for key, name in names.items()
+            for times in [[picture[key] for picture in result["pictures"]]]
+        ]
+        yield (
+            f"From the start of `run` to what is seen in a browser that is open, "
+            f"{len(result['pictures'])} times [s]:"
+        )
+        yield table({"seen": "{what}", "median": "{a:.1f}", "range": "{b:.1f} to {c:.1f}"}, shown)
