@@ -29,6 +29,7 @@ from sumo_dist.wire.messages import (
 from sumo_dist.wire.notices import (
     Ack,
     CommandMessage,
+    Drain,
     Event,
     Health,
     TrialReply,
@@ -80,6 +81,7 @@ MESSAGES = [
     EpisodeEnd(RUN, 700, "success", True, False),
     TrialRequest(RUN, "w-1.0", 4, "planned", '{"task": "spot/move_box", "seed": 3}'),
     TrialReply(RUN, "w-1.0", 4, '{"task": "spot/move_box"}', ""),
+    Drain("", "w-1", "somebody"),
     CommandMessage(RUN, 3, "somebody", "weight", "goal", "80"),
     Ack(RUN, 3, "somebody", 120, "unknown cost term"),
     EpisodeInfo(RUN, '{"task": "spot/move_box"}', "ab12", 2),
@@ -164,7 +166,7 @@ def test_every_message_type_is_covered():
 def test_a_changed_layout_needs_a_new_schema_version():
     layout = "\n".join(repr(record(kind)) for kind in KINDS)
     digest = hashlib.sha256(layout.encode()).hexdigest()[:16]
-    assert (SCHEMA, digest) == (6, "719df7c5afd96132"), (
+    assert (SCHEMA, digest) == (7, "5ded6b52d61d09da"), (
         "raise keys.SCHEMA, then pin the new layout here"
     )
 

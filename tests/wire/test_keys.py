@@ -16,9 +16,9 @@ from sumo_dist.wire.keys import (
 
 
 def test_topics_carry_the_version_and_the_robot():
-    assert topic_key("spot", "state") == "sumo/v6/spot/state"
-    assert topic_key("spot", "request", "w-1") == "sumo/v6/spot/request/w-1"
-    assert topic_key("spot", "reply", ANY) == "sumo/v6/spot/reply/*"
+    assert topic_key("spot", "state") == "sumo/v7/spot/state"
+    assert topic_key("spot", "request", "w-1") == "sumo/v7/spot/request/w-1"
+    assert topic_key("spot", "reply", ANY) == "sumo/v7/spot/reply/*"
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a*", "$x", "a?", "a#", "-a", "ä", "a" * 65, "a\n"])
