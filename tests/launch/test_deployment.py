@@ -50,6 +50,21 @@ def test_the_robot_is_told_the_whole_episode(episode):
     assert (told.speed, told.wait, told.resume_wait, told.stay) == (0.5, 7.0, 2.0, True)
 
 
+def test_the_page_shows_the_view_unless_the_run_is_none_of_its():
+    def named(**changes):
+        run = services(deployment(PLAIN, keys=Path("/keys"), **changes), "tls/192.0.2.1:7448")
+        return {service.name: service for service in run}
+
+    steered = named(viewer="web")
+    assert not steered["control"].vital
+    assert steered["control"].options.keys == Path("/keys/operator")
+    assert steered["control"].options.robot == "spot"
+    assert steered["tracer"].options.viewer == "embedded"
+    assert named(viewer="web", steered=False)["tracer"].options.viewer == "web"
+    for other in (named(viewer="web", steered=False), named(viewer="native"), named(viewer=None)):
+        assert "control" not in other
+
+
 def test_only_the_robot_is_told_what_to_do():
     *others, _ = services(deployment(FULL), ENDPOINT)
     names = [service.name for service in others]
