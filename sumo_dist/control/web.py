@@ -8,7 +8,8 @@ episode, `{"picture": ...}` some times a second, and `{"answer": ...}` to each `
 import asyncio
 import json
 import secrets
-from collections.abc import AsyncIterator, Awaitable, Callable
+import time
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -80,7 +81,7 @@ class ControlServer:
         self._commands = ThreadPoolExecutor(1, "command")
         self._stops = ThreadPoolExecutor(STOPS, "stop")
         self._rerun = RerunProxy(lambda: picture.view)
-        self._offered: dict[web.WebSocketResponse, Any] = {}
+        self._made = 0.0, ""  # the newest picture, and when it was made
 
     def app(self) -> web.Application:
         """Return the application."""
@@ -94,7 +95,7 @@ class ControlServer:
         app.router.add_get("/live", self._live)
         app.router.add_static("/page/", PAGE)
         self._rerun.add_to(app)
-        app.cleanup_ctx.append(self._run)
+        app.on_shutdown.append(self._close)
         return app
 
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -108,26 +109,48 @@ class ControlServer:
         return response
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        del request
-        return web.FileResponse(PAGE / "index.html", headers={"Cache-Control": "no-cache"})
+        """Answer with the page, which no other page may frame: a click there would be one here."""
+        own = f"default-src 'self'; connect-src 'self' ws://{request.host} wss://{request.host}"
+        policy = f"{own}; img-src data:; frame-ancestors 'none'"
+        headers = {"Cache-Control": "no-cache", "Content-Security-Policy": policy}
+        return web.FileResponse(PAGE / "index.html", headers=headers)
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Tell a client what there is until it leaves, and take its commands."""
         socket = web.WebSocketResponse(heartbeat=5.0, max_msg_size=LONGEST)
         await socket.prepare(request)
-        await _send(socket, {"steers": self._give is not None})
         self._clients.add(socket)
-        answers: set[asyncio.Task[None]] = set()
+        tasks = {asyncio.create_task(self._show(socket))}
         try:
             async for message in socket:
                 if message.type is WSMsgType.TEXT:
                     answer = asyncio.create_task(self._answer(socket, message.data))
-                    answers.add(answer)
-                    answer.add_done_callback(answers.discard)
+                    tasks.add(answer)
+                    answer.add_done_callback(tasks.discard)
         finally:
             self._clients.discard(socket)
-            self._offered.pop(socket, None)
+            for task in tasks:
+                task.cancel()
         return socket
+
+    async def _show(self, socket: web.WebSocketResponse) -> None:
+        """Send pictures to a client; one that is slow to take them keeps no other waiting."""
+        await _send(socket, {"steers": self._give is not None})
+        offered = None
+        while not socket.closed:
+            if (offer := self._picture.offer) is not None and offer is not offered:
+                offered = offer
+                await _send(socket, {"offer": offer})
+            await _send(socket, self._now())
+            await asyncio.sleep(PERIOD_S)
+
+    def _now(self) -> str:
+        """Return the picture, one for all clients."""
+        made, text = self._made
+        if (now := time.monotonic()) - made >= PERIOD_S / 2:
+            text = json.dumps({"picture": self._picture.snapshot()})
+            self._made = now, text
+        return text
 
     async def _answer(self, socket: web.WebSocketResponse, text: str) -> None:
         try:
@@ -138,37 +161,17 @@ class ControlServer:
             return  # no page of ours
         answer = Answer("this page only shows the run")
         if self._give is not None:
-            threads, loop = (
-                self._stops if verb == "stop" else self._commands,
-                asyncio.get_running_loop(),
-            )
+            threads = self._stops if verb == "stop" else self._commands
+            loop = asyncio.get_running_loop()
             answer = await loop.run_in_executor(threads, self._give, verb, name, value)
         await _send(socket, {"answer": {"id": number, **answer._asdict()}})
 
-    async def _run(self, app: web.Application) -> AsyncIterator[None]:
-        """Send pictures while the application runs."""
+    async def _close(self, app: web.Application) -> None:
         del app
-        pictures = asyncio.create_task(self._send_pictures())
-        yield
-        pictures.cancel()
         for socket in list(self._clients):
             await socket.close()
-        self._commands.shutdown(wait=False, cancel_futures=True)
-        self._stops.shutdown(wait=False, cancel_futures=True)
-
-    async def _send_pictures(self) -> None:
-        while True:
-            if self._clients:
-                offered, text = (
-                    self._picture.offer,
-                    json.dumps({"picture": self._picture.snapshot()}),
-                )
-                for socket in list(self._clients):
-                    if offered is not None and self._offered.get(socket) is not offered:
-                        self._offered[socket] = offered
-                        await _send(socket, {"offer": offered})
-                    await _send(socket, text)
-            await asyncio.sleep(PERIOD_S)
+        for threads in (self._commands, self._stops):
+            threads.shutdown(wait=False, cancel_futures=True)
 
 
 async def _send(socket: web.WebSocketResponse, message: dict[str, Any] | str) -> None:

@@ -72,6 +72,7 @@ def test_the_page_and_all_that_it_names_are_there():
     async def check(served):
         async with served.get("/") as response:
             text = await response.text()
+            assert "frame-ancestors 'none'" in response.headers["Content-Security-Policy"]
         assert response.status == 200
         for path in PAGE.iterdir():
             async with served.get(f"/page/{path.name}") as response:
@@ -141,6 +142,24 @@ def test_every_client_gets_the_pictures_and_one_that_leaves_harms_nobody():
                 await heard(second, "picture")
             for _ in range(3):
                 await heard(first, "picture")
+
+    serve(check)
+
+
+def test_a_client_that_takes_nothing_keeps_no_other_waiting(monkeypatch):
+    monkeypatch.setattr(Picture, "snapshot", lambda self: {"long": "x" * 4_000_000})
+
+    async def check(served):
+        host, port = served.base.removeprefix("http://").split(":")
+        reader, writer = await asyncio.open_connection(host, int(port), limit=1024)
+        key = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        key += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+        writer.write(f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n{key}\r\n".encode())
+        assert b"101" in await reader.readline()
+        async with served.session.ws_connect(served.base + "/live", max_msg_size=0) as other:
+            for _ in range(5):
+                await heard(other, "picture")
+        writer.close()
 
     serve(check)
 

@@ -270,7 +270,11 @@ def text(result: Result) -> Iterable[str]:
     )
     yield table(COLUMNS, result["rows"])
     if result["pictures"]:
-        names = {"address_s": "address told", "floor_plan_s": "floor plan and costs", "scene_s": "3D scene"}
+        names = {
+            "address_s": "address told",
+            "floor_plan_s": "floor plan and costs",
+            "scene_s": "3D scene",
+        }
         shown = [
             {"what": name, **dict(zip("abc", np.percentile(times, (50, 0, 100)), strict=True))}
             for key, name in names.items()
