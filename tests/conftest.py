@@ -1,7 +1,9 @@
 """What tests of several packages share: a router, a start, a Rerun file read back, waiting."""
 
+import os
 import signal
 import socket
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -50,6 +52,24 @@ def own_runs(tmp_path_factory):
     """Let no test find the runs of others on this machine, nor be found by them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(routers.VARIABLE, str(tmp_path_factory.mktemp("runtime", numbered=True)))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_bytecode(tmp_path_factory):
+    """Let what tests start find what Python has compiled, also where it may write nothing.
+
+    Tests start hundreds of processes, and each would compile the whole package.
+    """
+    if not sys.dont_write_bytecode:
+        yield
+        return
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        patch.setenv("PYTHONPYCACHEPREFIX", str(folder / "bytecode"))
         yield
 
 
