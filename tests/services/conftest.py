@@ -127,7 +127,7 @@ class System:
         self.start(self._services[name])
 
     def mend(self):
-        """End robot and guests, start again what else has ended, wait until all workers are there."""
+        """End robot and guests, start again what else has ended, and wait for all workers."""
         for name in (self._guests | {"robot-interface"}) & self.processes.keys():
             self.kill(name)
         for name in self._guests:
