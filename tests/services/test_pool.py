@@ -37,10 +37,10 @@ def test_three_robots_share_two_workers_and_a_stop_of_one_is_nothing_to_the_othe
 ):
     """Each has the bits of one that is alone, for as long as it was let run."""
     with ExitStack() as stack:
-        runs, plans = {}, {robot: [] for robot in ROBOTS}
+        runs, plans = {}, {robot: set() for robot in ROBOTS}  # by number: some come twice
         for robot, task in ROBOTS.items():
             bus = stack.enter_context(Bus.dial(pool, robot, timeout=60.0))
-            bus.subscribe(PlanMessage, plans[robot].append)
+            bus.subscribe(PlanMessage, lambda m, made=plans[robot]: made.add(m.plan.number))
             command = [
                 *(sys.executable, "-P", "-m", "sumo_dist", "run", task, "--connect", pool),
                 *("--robot", robot, "--seed", "1", "--time-limit", "60", "--viewer", "none"),
@@ -64,7 +64,7 @@ def test_three_robots_share_two_workers_and_a_stop_of_one_is_nothing_to_the_othe
         assert_repeats(recording)
         verbs = [command["verb"] for command in recording.operator]
         assert verbs == (["stop"] if robot == "spot-2" else [])
-        assert len(recording.plan_numbers) > 2
+        assert len(recording.plan_numbers) >= 2
     reason = read_summary(tmp_path / "spot-2")["end_reason"]
     assert reason.endswith(": a test, the robot sat down")
 
