@@ -111,10 +111,6 @@ class System:
 
     def start_robot(self, **changes):
         """Start the robot with other options than it was to have."""
-        self.run_id = ""  # plans of the robot before are none of this one's
-        self.number, self.newest_plan, self.episodes = 0, -1, 0
-        self.endings.clear()
-        self.events.clear()
         service = self._services["robot-interface"]
         self.start(replace(service, options=replace(service.options, **changes)))
 
@@ -125,6 +121,12 @@ class System:
 
     def start_again(self, name):
         self.start(self._services[name])
+
+    def forget(self):
+        """Know nothing of the robots before: what is seen from now on is of the next one."""
+        self.run_id, self.number, self.newest_plan, self.episodes = "", 0, -1, 0
+        self.endings.clear()
+        self.events.clear()
 
     def mend(self):
         """End robot and guests, start again what else has ended, and wait for all workers."""
@@ -308,6 +310,7 @@ def robot_starts(standing, tmp_path):
     ):
         system = standing(task)
         system.mend()
+        system.forget()
         episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
         how = {"wait": wait, "stay": stay, "speed": speed, "resume_wait": resume_wait}
         system.start_robot(episode=episode, out=tmp_path, **how)
