@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -286,14 +285,7 @@ def run(options: TracerOptions, stop: threading.Event) -> None:
         for kind in SHOWN:
             bus.subscribe(kind, backlog.put, address=bus.robot if kind is Traces else ANY)
         bus.watch(WORKER, lambda member, alive: backlog.put(Presence(member, alive)))
-        bus.watch(ROUTER, partial(_show_insecure, backlog))
         _trace(options, bus, backlog, stop)
-
-
-def _show_insecure(backlog: Backlog, router: Member, alive: bool) -> None:
-    """Show in the view, too, that the router is open to everybody."""
-    if alive and router.build == INSECURE:
-        backlog.put(Event("", ROUTER, "warning", SHOUT))
 
 
 def _trace(options: TracerOptions, bus: Bus, backlog: Backlog, stop: threading.Event) -> None:
@@ -302,6 +294,7 @@ def _trace(options: TracerOptions, bus: Bus, backlog: Backlog, stop: threading.E
     from sumo_dist.view.run_logger import RunLogger
     from sumo_dist.view.viewers import SERVER_PORT, free_port
 
+    routers = bus.watch(ROUTER)
     with ExitStack() as stack, ExitStack() as episode:
         url, port = None, free_port(SERVER_PORT)
         if options.viewer != "none":
@@ -319,6 +312,8 @@ def _trace(options: TracerOptions, bus: Bus, backlog: Backlog, stop: threading.E
             out = episode.enter_context(Outputs(info.run, file, url))
             logger = RunLogger(out, load_task(config.task), config, distributed=True)
             episode.callback(logger.close)
+            if any(router.build == INSECURE for router in routers.now):
+                logger.log_event(0, "warning", SHOUT)
             return logger
 
         _follow(Tracer(open_logger, options.out), backlog, viewer, stop, options.linger)

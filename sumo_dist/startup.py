@@ -1,13 +1,32 @@
-"""What Ctrl-C does while modules are being imported. Imports little itself, for it comes first."""
+"""What happens around the import of modules. Imports little itself, for it comes first."""
 
 import os
 import signal
 
 INTERRUPTED = 130  # exit code
 _ENDING = (signal.SIGINT, signal.SIGTERM)
+_GRAPHICS = "MUJOCO_GL"
 
 
-class Importing:
+class WithoutGraphics:
+    """While it is entered, MuJoCo is imported without graphics, here and by processes that start.
+
+    With them it imports GLFW, which starts a Python to ask for the version of its library. That
+    takes time, and a process that is killed meanwhile leaves its helper without the line that it
+    reads, which it says with a traceback. Films are drawn by processes of their own; what the user
+    has chosen stays.
+    """
+
+    def __enter__(self) -> None:
+        self._chosen = _GRAPHICS in os.environ
+        os.environ.setdefault(_GRAPHICS, "disable")
+
+    def __exit__(self, *_: object) -> None:
+        if not self._chosen:
+            os.environ.pop(_GRAPHICS, None)
+
+
+class Importing(WithoutGraphics):
     """While it is entered, Ctrl-C and SIGTERM wait; one that came ends the process, without a word.
 
     An exception would come out of whatever is half imported, as anything and with a traceback, and
@@ -15,6 +34,7 @@ class Importing:
     """
 
     def __enter__(self) -> None:
+        super().__enter__()
         found = {number: signal.getsignal(number) for number in _ENDING}
         # None is a handler of somebody else's, who is not written in Python.
         self._handlers = {
@@ -28,7 +48,8 @@ class Importing:
         except ValueError:  # Python handles signals in its main thread only
             self._handlers = {}
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
         signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
         for number, handler in self._handlers.items():
             signal.signal(number, handler)

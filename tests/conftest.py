@@ -1,9 +1,12 @@
 """What tests of several packages share: a router, a start, a Rerun file read back, waiting."""
 
+import os
 import signal
 import socket
+import sys
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,6 +33,12 @@ def pytest_configure():
             signal.signal(number, handler)
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with the files of most slow tests: no process is left alone with them in the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
+
+
 Table = dict[str, list[Any]]  # column -> rows
 
 
@@ -50,6 +59,24 @@ def own_runs(tmp_path_factory):
     """Let no test find the runs of others on this machine, nor be found by them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(routers.VARIABLE, str(tmp_path_factory.mktemp("runtime", numbered=True)))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_bytecode(tmp_path_factory):
+    """Let what tests start find what Python has compiled, also where it may write nothing.
+
+    Tests start hundreds of processes, and each would compile the whole package.
+    """
+    if not sys.dont_write_bytecode:
+        yield
+        return
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        patch.setenv("PYTHONPYCACHEPREFIX", str(folder / "bytecode"))
         yield
 
 

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID as Usage
 from cryptography.x509.oid import NameOID
 
-from sumo_dist.errors import SumoError
+from sumo_dist.errors import SumoError, UsageError
 
 ROUTER = "router"
 ROLES = (ROUTER, "robot", "optimizer", "worker", "tracer", "operator")
@@ -198,12 +198,12 @@ def checked_address(address: str) -> str:
     """Return an IP address or a DNS name, if it is one.
 
     Raises:
-        KeysError: it is not.
+        UsageError: it is not.
     """
     try:
         _general_name(address)
     except ValueError:
-        raise KeysError(f"{address!r} is neither an IP address nor a DNS name") from None
+        raise UsageError(f"{address!r} is neither an IP address nor a DNS name") from None
     return address
 
 

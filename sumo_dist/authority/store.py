@@ -182,6 +182,11 @@ class Authority:
         """Folder of a host's role, which is to be copied there."""
         return self.home / "hosts" / host / role
 
+    def exposed(self) -> list[Path]:
+        """Return private keys that others than their user may read or change."""
+        keys = [self._own / CA_KEY, *sorted(self.home.glob(f"hosts/*/*/{KEY}"))]
+        return [path for path in keys if path.exists() and path.stat().st_mode & 0o077]
+
     def _roles(self, host: str) -> list[str]:
         folders = sorted((self.home / "hosts" / host).glob(f"*/{KEY}"))
         if not folders:

@@ -165,7 +165,7 @@ def zenoh() -> Finding:
 
 
 def keys() -> Finding:
-    """Is there an authority here, and is everything that it has issued good for a while."""
+    """Is there an authority here, its keys private, and all that it has issued good for a while."""
     from sumo_dist.authority.folder import SOON_DAYS
     from sumo_dist.authority.store import Authority, home_of
 
@@ -173,6 +173,9 @@ def keys() -> Finding:
     if not (home / "authority").exists():
         return Finding("ok", f"no authority in {home}: only what leaves this machine needs keys")
     authority = Authority(home)
+    if exposed := authority.exposed():
+        paths = " ".join(map(str, exposed))
+        return Finding("warn", f"others may read or change {paths}: chmod 600")
     newest = {(one.host, one.role): one for one in authority.issued() if not one.revoked}
     ends = {
         f"{host}'s {role}": datetime.fromisoformat(one.expires)

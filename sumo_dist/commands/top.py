@@ -18,6 +18,7 @@ from sumo_dist.wire.notices import Health
 DIAL_S = 5.0  # for a router that is named
 SEEN_S = 1.0  # those that are there are seen within milliseconds
 STALE_S = 2.0  # a service that said nothing for this long is shown as silent
+FEW = 8  # as many workers, or members of a role, are shown by name; of more it is said how many
 _CLEAR = "\x1b[H\x1b[J"  # to the top left, and all below is gone
 
 
@@ -63,12 +64,14 @@ class Row:
         mode: one word for what it does; "silent" if it has not spoken lately.
         age: since it last spoke [s].
         counters: what it says of itself.
+        worker: it is one of the rollout workers.
     """
 
     name: str
     mode: str
     age: float
     counters: dict[str, Any]
+    worker: bool = False
 
 
 class Board:
@@ -91,6 +94,7 @@ class Board:
                 health.mode if now - at < STALE_S else "silent",
                 round(now - at, 1),
                 dict(health.counters),
+                worker=health.mode == WORKER,
             )
             for name, (at, health) in sorted(dict(self._said).items())
         ]
@@ -149,11 +153,54 @@ def look(rows: Iterable[Row], alive: Iterable[Member]) -> dict[str, Any]:
 
 
 def screen(who: str, rows: list[Row], alive: Iterable[Member]) -> str:
-    """Lay one look out: a line a service, then its counters that are not zero."""
-    there = ", ".join(sorted(f"{member.role} {member.id}" for member in alive)) or "nobody"
-    lines = [f"{who}: {there}", ""]
+    """Lay one look out: a line a service, then its counters that are not zero.
+
+    Many workers share one line, but for those that are silent.
+    """
+    workers = [row for row in rows if row.worker]
+    if len(workers) > FEW:
+        rows = [row for row in rows if not row.worker] + _summed(workers)
+    lines = [f"{who}: {_there(alive)}", ""]
     width = max((len(row.name) for row in rows), default=0)
     for row in rows:
         told = ", ".join(f"{name} {value}" for name, value in row.counters.items() if value != 0)
         lines.append(f"{row.name:<{width}}  {row.mode:<10}  {row.age:4.1f} s ago  {told}")
     return "\n".join(lines)
+
+
+def _there(alive: Iterable[Member]) -> str:
+    """Say who is there, by name where a role has few."""
+    roles: dict[str, list[str]] = {}
+    for member in alive:
+        roles.setdefault(member.role, []).append(member.id)
+    named = (
+        [f"{role} {name}" for name in sorted(ids)] if len(ids) <= FEW else [f"{len(ids)} {role}s"]
+        for role, ids in sorted(roles.items())
+    )
+    return ", ".join(text for texts in named for text in texts) or "nobody"
+
+
+def _summed(workers: list[Row]) -> list[Row]:
+    """Return one row for all workers that speak, and one for each of a few that do not."""
+    silent = [row for row in workers if row.mode == "silent"]
+    speaking = [row for row in workers if row.mode != "silent"]
+    shown = sorted(silent, key=lambda row: row.age)[:FEW]
+    if more := silent[len(shown) :]:
+        shown.append(Row(f"{len(more)} more", "silent", min(row.age for row in more), {}))
+    if not speaking:
+        return shown
+    oldest = max(row.age for row in speaking)
+    names = dict.fromkeys(name for row in speaking for name in row.counters)
+    counters = {name: _together([row.counters.get(name, 0) for row in speaking]) for name in names}
+    return [Row(f"{len(speaking)} workers", WORKER, oldest, counters), *shown]
+
+
+def _together(values: list[Any]) -> str | int:
+    """Say what a counter is of all workers: sum and range, or the words that there are."""
+    words = sorted({value for value in values if isinstance(value, str) and value})
+    if words:
+        return " and ".join([*words[:3], *([f"{len(words) - 3} more"] if len(words) > 3 else [])])
+    numbers = [value for value in values if not isinstance(value, str)]
+    if not any(numbers):
+        return 0
+    return f"{round(sum(numbers), 1)} ({min(numbers)} to {max(numbers)} each)"

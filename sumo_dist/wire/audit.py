@@ -27,6 +27,7 @@ _READ_BYTES = 1 << 20
 _COLOURS = re.compile(rb"\x1b\[[0-9;]*m")
 _ACCEPTED = re.compile(r"Accepted TLS connection on \S+: (\S+)\. Common Name: (.+)\.$")
 _OPENED = re.compile(r"New transport link accepted from ([0-9a-f]+) .*? dst: tls/([^ ,]+)")
+_NUMBER = re.compile(r"\d+")
 _FAILED = re.compile(r"zenoh_link_tls::unicast: (.*?)\. Hint: ")
 _CACHING = re.compile(r" (rx-\d+) .*caching permissions for `(\S+)`")
 _REFUSED = re.compile(
@@ -96,7 +97,8 @@ class Audit:
             session, address = match.groups()
             _remember(self._peers, session, f"{self._names.get(address, '?')} from {address}")
         elif (match := _FAILED.search(text)) and "handshake eof" not in text:  # only a look
-            self._tell(f"refused a connection, whose source Zenoh does not tell: {match[1]}")
+            kind = _NUMBER.sub("#", match[1])  # an expired certificate comes with the time of now
+            self._tell(f"refused a connection, whose source Zenoh does not tell: {match[1]}", kind)
 
     def _refused(self, thread: str, cached: str | None, session: str, what: str, key: str) -> None:
         listed, seen = self._listing.get(thread, ("", set()))
@@ -106,9 +108,10 @@ class Audit:
         who = self._peers.get(session, f"session {session}")
         self._tell(f"refused {who}: {what.lower()} on {key}")
 
-    def _tell(self, text: str) -> None:
-        if text not in self._told:
-            _remember(self._told, text, None)
+    def _tell(self, text: str, kind: str = "") -> None:
+        """Tell the first of a kind; by default each text is one."""
+        if (kind or text) not in self._told:
+            _remember(self._told, kind or text, None)
             _log.warning("%s (told once)", text)
 
 

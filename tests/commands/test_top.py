@@ -1,6 +1,8 @@
 import json
 import threading
 import time
+from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 
@@ -64,6 +66,64 @@ def test_a_worker_is_there_from_its_token_on(endpoint, capsys):
         assert main(asked) == 1
     there, gone = f"worker w-1 is at {endpoint}", f"worker w-1 is not at {endpoint}"
     assert capsys.readouterr().out.splitlines() == [gone, gone, there, gone]
+
+
+def test_many_workers_share_a_line_but_for_those_that_are_silent():
+    counters = {"answered": 0, "refused": 0, "task": "spot/move_box", "busy s": 0.5}
+    rows = [Row("robot", "running", 0.2, {"tick": 40})]
+    for i in range(256):
+        mode = "silent" if i in (3, 70) else "worker"
+        age = 9.0 if mode == "silent" else i / 1000
+        rows.append(Row(f"w-{i}", mode, age, {**counters, "answered": i}, worker=True))
+    alive = [Member("worker", f"w-{i}", 2, "-") for i in range(256)]
+    text = screen("spot", rows, [*alive, Member("robot", "main", 2, "-")])
+    assert text.splitlines() == [
+        "spot: robot main, 256 workers",
+        "",
+        "robot        running      0.2 s ago  tick 40",
+        "254 workers  worker       0.3 s ago  answered 32567 (0 to 255 each), task spot/move_box, "
+        "busy s 127.0 (0.5 to 0.5 each)",
+        "w-3          silent       9.0 s ago  answered 3, task spot/move_box, busy s 0.5",
+        "w-70         silent       9.0 s ago  answered 70, task spot/move_box, busy s 0.5",
+    ]
+    gone = [replace(row, mode="silent") for row in rows if row.worker]
+    lines = screen("spot", gone, []).splitlines()
+    assert len(lines) == 2 + top.FEW + 1
+    assert lines[-1].startswith("248 more")
+
+
+def test_256_workers_on_a_bus_are_shown_in_time(endpoint, capsys, monkeypatch, eventually):
+    """Twice a second each says how it is, as workers do; a look takes a small part of its time."""
+    took, lay_out = [], top.screen
+
+    def timed(*args):
+        began = time.process_time()
+        text = lay_out(*args)
+        took.append(time.process_time() - began)
+        return text
+
+    monkeypatch.setattr(top, "screen", timed)
+    names = [f"w-{i}" for i in range(256)]
+    with open_router(endpoint), Bus.dial(endpoint, POOL) as pool, ExitStack() as stack:
+        stack.enter_context(Bus.dial(endpoint, "spot")).announce("robot", "main")
+        for name in names:
+            pool.announce("worker", name)
+            counters = {"answered": 40, "refused": 0, "task": "spot/move_box"}
+            beat = Heartbeat(pool, name, lambda counters=counters: ("worker", counters))
+            stack.enter_context(beat)
+        looks = []
+
+        def all_are_shown():
+            assert main(["top", "--connect", endpoint, "--times", "1"]) == 0
+            looks.append(capsys.readouterr().out.splitlines())
+            return any(line.startswith("256 workers  worker ") for line in looks[-1])
+
+        assert eventually(all_are_shown, 60.0)
+    assert looks[-1][0] == "spot: robot main, 256 workers"
+    for said in looks:
+        assert len(said) <= 3 + top.FEW
+        assert max(map(len, said)) < 100
+    assert max(took) < 0.1
 
 
 @pytest.mark.parametrize(

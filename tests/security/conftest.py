@@ -16,6 +16,9 @@ from sumo_dist.launch.launcher import Launcher, flags
 from sumo_dist.launch.serve import Router
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.record.recording import Recording
+from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import topic_key
+from sumo_dist.wire.notices import Health
 from sumo_dist.wire.session import open_client
 
 ROLES = ("router", "robot", "optimizer", "worker", "tracer", "operator")
@@ -43,13 +46,29 @@ class Secured:
         self._listening = self.ear.declare_subscriber("sumo/**", self._hear)
         launcher = stack.enter_context(Launcher())
         # It stands for as long as it takes: what ends it would else be its own fall.
-        planner, still = PlannerConfig(rollouts=10, horizon=1.0), ("goal=0", "gripper=0")
+        calm = {"base_noise": 0.01, "variance_first": 1e-4, "variance_last": 1e-4}
+        planner, still = PlannerConfig(rollouts=4, horizon=0.4, **calm), ("goal=0", "gripper=0")
         episode = EpisodeConfig("spot/move_box", 1, planner, time_limit=600.0, weight=still)
         keys = self.authority.home / "hosts" / "r"
         deployment = Deployment(episode, 1, 1, self.out, None, None, 60.0, keys=keys)
         for service in services(deployment, self.tls):
             self.robot = launcher.start(service)
         self.goes_on()
+        self._issue_briefly()
+
+    def _issue_briefly(self):
+        """Let a worker in whose certificate expires while the other attacks are made."""
+        self.authority.host("brief", ["worker"], [], 8 / 86400)
+        keys = self.keys("worker", "brief")
+        self.brief = self._stack.enter_context(Bus.dial(self.tls, "spot", keys=keys))
+        self.brief_ends = keys.certificate.expires.timestamp()
+        wait_for(lambda: self.hears(self.brief, "brief", "in-time"))
+
+    def hears(self, bus, host, mark):
+        """Say something on a worker's bus; return whether it was heard, now or before."""
+        bus.publish(Health(mark, host, "worker", {}))
+        time.sleep(0.05)
+        return topic_key("spot", "health", host) in self.reached(mark.encode())
 
     def _start_router(self):
         options = Router(self.tls, self.local, self.authority.folder("r", "router"))

@@ -22,6 +22,7 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import anchor_tick
 from sumo_dist.wire.bus import Bus
+from sumo_dist.wire.keys import WORKER
 from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage
 from sumo_dist.wire.notices import Ack, CommandMessage, Event
 
@@ -62,6 +63,13 @@ class Commander:
         raise AssertionError(f"no answer to {verb} {name} {value}")
 
 
+def _until(condition):
+    deadline = time.monotonic() + 60.0
+    while not (met := condition()) and time.monotonic() < deadline:
+        time.sleep(0.005)
+    return met
+
+
 class System:
     """The services of a run as real processes, which a test may kill, stop and start again."""
 
@@ -81,7 +89,9 @@ class System:
         bus.subscribe(EpisodeEnd, lambda end: self.endings.update({end.run: end.reason}))
         bus.subscribe(Event, lambda e: self.events.append((e.source, e.level, e.text)))
         self.command = Commander(bus)
+        self._members = bus.watch(WORKER)
         self._services = {}
+        self._guests = set()  # names of those that were not there from the beginning
         self.processes = {}
 
     def start(self, service):
@@ -112,10 +122,35 @@ class System:
     def start_again(self, name):
         self.start(self._services[name])
 
+    def forget(self):
+        """Know nothing of the robots before: what is seen from now on is of the next one."""
+        self.run_id, self.number, self.newest_plan, self.episodes = "", 0, -1, 0
+        self.endings.clear()
+        self.events.clear()
+
+    def mend(self):
+        """End robot and guests, start again what else has ended, and wait for all workers."""
+        for name in (self._guests | {"robot-interface"}) & self.processes.keys():
+            self.kill(name)
+        for name in self._guests:
+            del self.processes[name], self._services[name]
+        self._guests.clear()
+        others = self._services.keys() - {"robot-interface"}
+        ended = {name for name in others if self.processes[name].poll() is not None}
+        assert _until(lambda: not self._workers_of(ended))  # whose tokens may be there for a moment
+        for name in ended:
+            self.start_again(name)
+        workers = {name for name in others if name.startswith("local-")}
+        assert _until(lambda: self._workers_of(workers) == workers)
+
+    def _workers_of(self, names):
+        return {member.id for member in self._members.now} & names
+
     def start_like(self, name, new_name, **changes):
         """Start a service beside one that runs, with other options; return its process."""
         service = self._services[name]
         options = replace(service.options, **changes)
+        self._guests.add(new_name)
         self.start(replace(service, name=new_name, options=options))
         return self.processes[new_name]
 
@@ -242,6 +277,46 @@ def systems(endpoint, out):
 def run_system(endpoint, tmp_path):
     with systems(endpoint, tmp_path) as run:
         yield run
+
+
+@pytest.fixture(scope="module")
+def standing(free_endpoint, tmp_path_factory):
+    """Return a function: a task's services with two workers, which stand from test to test."""
+    with ExitStack() as stack:
+
+        @cache
+        def of_robot(task):
+            folder = tmp_path_factory.mktemp("standing")
+            run = stack.enter_context(systems(free_endpoint(), folder))
+            return run(workers=2, task=task, starts_robot=False)
+
+        tasks = {}  # robot -> the first task that it had here
+
+        def standing(task):
+            return of_robot(tasks.setdefault(load_task(task).scene.robot.name, task))
+
+        yield standing
+
+
+@pytest.fixture
+def robot_starts(standing, tmp_path):
+    """Return a function that starts a robot where services stand.
+
+    What tests have ended is started again, and a robot that they have left is ended.
+    """
+
+    def robot_starts(
+        task="spot/move_box", wait=20.0, stay=False, speed=None, resume_wait=0.0, **changes
+    ):
+        system = standing(task)
+        system.mend()
+        system.forget()
+        episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
+        how = {"wait": wait, "stay": stay, "speed": speed, "resume_wait": resume_wait}
+        system.start_robot(episode=episode, out=tmp_path, **how)
+        return system
+
+    return robot_starts
 
 
 @pytest.fixture(scope="module")

@@ -45,13 +45,13 @@ def digests(recording):
 
 
 def test_changes_and_another_task_in_lockstep_repeat_bit_for_bit(
-    run_system, endpoint, config, capfd, assert_repeats
+    robot_starts, config, capfd, assert_repeats
 ):
     """A weight, a parameter, settings, a task; a worker is killed amid it all."""
-    system = run_system(workers=2, time_limit=1.0)
+    system = robot_starts(time_limit=1.0)
 
     def ctl(*words):
-        assert main(["ctl", *words, "--connect", endpoint]) == 0
+        assert main(["ctl", *words, "--connect", system.endpoint]) == 0
 
     system.after_plan(1)
     assert system.command("pause").refusal == ""
@@ -111,8 +111,8 @@ def test_changes_and_another_task_in_lockstep_repeat_bit_for_bit(
     assert digests(run_single(episode, 2)[0]) == digests(second)
 
 
-def test_a_paused_robot_moves_by_steps_alone(run_system, assert_repeats, expected_digests):
-    system = run_system(workers=1, time_limit=1.0)
+def test_a_paused_robot_moves_by_steps_alone(robot_starts, assert_repeats, expected_digests):
+    system = robot_starts(time_limit=1.0)
     system.after_plan(3)
     assert system.command("step").refusal == "pause first: a step is of a robot that is paused"
     held = system.command("pause").tick
@@ -151,9 +151,9 @@ def test_a_paused_robot_moves_by_steps_alone(run_system, assert_repeats, expecte
 
 
 def test_a_reset_begins_another_episode_with_its_seed(
-    run_system, config, assert_repeats, eventually
+    robot_starts, config, assert_repeats, eventually
 ):
-    system = run_system(workers=1, time_limit=0.5)
+    system = robot_starts(time_limit=0.5)
     system.after_plan(2)
     assert system.command("pause").refusal == ""
     assert system.command("weight", "goal", "75").refusal == ""
@@ -215,14 +215,12 @@ def test_a_task_that_is_broken_is_refused_before_the_episode_ends(paused, tmp_pa
     assert paused.number == 1
 
 
-def test_a_command_that_comes_again_is_carried_out_once(
-    run_system, endpoint, commander, eventually
-):
-    system = run_system(workers=1, time_limit=1.0)
+def test_a_command_that_comes_again_is_carried_out_once(robot_starts, commander, eventually):
+    system = robot_starts(time_limit=1.0)
     system.after_plan(2)
     held = system.command("pause").tick
     steps = [system.command("step", value="3", number=100) for _ in range(4)]
-    with Bus.dial(endpoint, "spot") as bus:
+    with Bus.dial(system.endpoint, "spot") as bus:
         for _ in range(20):  # and without waiting for the answers
             bus.publish(CommandMessage("any", 100, system.command.sender, "step", "", "3"))
         other = commander(bus, "somebody-else")
@@ -239,8 +237,8 @@ def test_a_command_that_comes_again_is_carried_out_once(
     assert verbs == ["pause", "step", "step", "resume"]
 
 
-def test_a_robot_that_stays_waits_for_another_episode(run_system, eventually):
-    system = run_system(workers=1, time_limit=0.3, stay=True)
+def test_a_robot_that_stays_waits_for_another_episode(robot_starts, eventually):
+    system = robot_starts(time_limit=0.3, stay=True)
     with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         assert eventually(lambda: health.peek() and health.peek().mode == "ended", 60.0)
@@ -259,8 +257,8 @@ def test_a_robot_that_stays_waits_for_another_episode(run_system, eventually):
 
 
 @pytest.mark.alone
-def test_in_realtime_changes_count_and_a_pause_takes_no_robot_time(run_system, eventually):
-    system = run_system(speed=SPEED, clock="realtime", time_limit=60.0)
+def test_in_realtime_changes_count_and_a_pause_takes_no_robot_time(robot_starts, eventually):
+    system = robot_starts(speed=SPEED, clock="realtime", time_limit=60.0)
     with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)

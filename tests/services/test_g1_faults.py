@@ -12,7 +12,8 @@ from sumo_dist.robots.g1 import G1
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.notices import Health
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+alone = pytest.mark.alone
 
 TASK = "g1/box_push"
 SPEED = 0.3  # slow enough for a busy machine
@@ -27,11 +28,9 @@ def no_traceback(capfd):
 
 
 @pytest.fixture
-def start(run_system):
-    def start(workers=1, speed=SPEED, time_limit=20.0, **changes):
-        return run_system(
-            workers, speed=speed, clock="realtime", time_limit=time_limit, task=TASK, **changes
-        )
+def start(robot_starts):
+    def start(speed=SPEED, time_limit=20.0, **changes):
+        return robot_starts(TASK, speed=speed, clock="realtime", time_limit=time_limit, **changes)
 
     return start
 
@@ -53,9 +52,11 @@ def assert_it_lies_at_rest(system):
     assert (step <= np.array(G1.safety.target_rate) + 1e-6).all()
 
 
+@alone
 def test_it_stands_without_workers_or_plans_and_goes_on_when_they_are_back(start):
     system = start(time_limit=60.0)
     system.after_plan(4)
+    system.kill("local-1")
     system.restart("local-0", pause=0.5)
     system.after_plan(12)
     system.restart("optimizer", pause=3.0)  # 0.9 s of robot time: the plan of 0.4 s runs out
@@ -78,6 +79,7 @@ def test_it_stands_without_workers_or_plans_and_goes_on_when_they_are_back(start
     assert all(back <= tick <= back + 3 for tick in softened)
 
 
+@alone
 @pytest.mark.parametrize("lost", ["state-estimator", "router"])
 def test_without_a_state_it_falls_and_comes_to_rest(start, lost):
     """No leg can balance blind, and states come by the router too."""
@@ -92,10 +94,11 @@ def test_without_a_state_it_falls_and_comes_to_rest(start, lost):
     assert_it_lies_at_rest(system)
 
 
-def test_an_emergency_stop_is_final(start, endpoint, capfd, eventually):
+@alone
+def test_an_emergency_stop_is_final(start, capfd, eventually):
     system = start(speed=SPEED_OF_STOPS, resume_wait=6.0)
-    where = ["--connect", endpoint, "--robot", "g1"]
-    with Bus.dial(endpoint, "g1") as bus:
+    where = ["--connect", system.endpoint, "--robot", "g1"]
+    with Bus.dial(system.endpoint, "g1") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
         assert main(["stop", *where, "--reason", "a test"]) == 0
@@ -112,8 +115,8 @@ def test_an_emergency_stop_is_final(start, endpoint, capfd, eventually):
     assert_it_lies_at_rest(system)
 
 
-def test_in_lockstep_what_restarts_costs_time_and_nothing_else(run_system, expected_digests):
-    system = run_system(time_limit=1.0, task=TASK)
+def test_in_lockstep_what_restarts_costs_time_and_nothing_else(robot_starts, expected_digests):
+    system = robot_starts(TASK, time_limit=1.0)
     system.after_plan(4)
     system.restart("router")
     system.after_plan(8)

@@ -34,13 +34,15 @@ def no_traceback(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-@pytest.fixture
-def start(run_system):
-    def start(clock, **changes):
-        speed = SPEED if clock == "realtime" else None
-        return run_system(clock=clock, speed=speed, **{"time_limit": 2.0, **changes})
+def options(clock, **changes):
+    return {"clock": clock, "speed": SPEED if clock == "realtime" else None, "time_limit": 2.0} | (
+        changes
+    )
 
-    return start
+
+@pytest.fixture
+def start(robot_starts):
+    return lambda clock, **changes: robot_starts(**options(clock, **changes))
 
 
 def digests(summary):
@@ -96,7 +98,7 @@ def test_what_does_not_fit_is_refused_by_name_and_the_run_goes_on(
     start, expected_digests, eventually, clock
 ):
     """Each of them, again and again; tests/dispatch/test_robot_link.py has what is said of each."""
-    system = start(clock, workers=1)
+    system = start(clock)
     system.after_plan(5)
     with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
@@ -125,7 +127,7 @@ def test_what_does_not_fit_is_refused_by_name_and_the_run_goes_on(
 
 def test_questions_of_somebody_else_cost_no_worker(start, eventually, config, expected_digests):
     """Of states that the workers would refuse they do not hear: they would be left out for it."""
-    system = start("lockstep", workers=2)
+    system = start("lockstep")
     system.after_plan(5)
     with Bus.dial(system.endpoint, "spot") as bus:
         question = Question(
@@ -157,7 +159,7 @@ def test_questions_of_somebody_else_cost_no_worker(start, eventually, config, ex
 
 
 def test_a_second_robot_of_the_same_name_ends_with_an_error_that_says_so(start, capfd, tmp_path):
-    system = start("lockstep", workers=1, time_limit=60.0)
+    system = start("lockstep", time_limit=60.0)
     system.after_plan(3)
     second = system.start_like("robot-interface", "second", out=tmp_path / "second")
     assert second.wait(60.0) == 3
@@ -172,7 +174,7 @@ def test_a_second_robot_of_the_same_name_ends_with_an_error_that_says_so(start, 
 def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(
     start, capfd, expected_digests
 ):
-    system = start("lockstep", workers=1)
+    system = start("lockstep")
     system.after_plan(3)
     second = system.start_like("local-0", "second")
     assert second.wait(60.0) == 3
@@ -183,7 +185,7 @@ def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(
 
 
 def test_a_second_optimizer_is_told(start, eventually):
-    system = start("lockstep", workers=2, time_limit=60.0)
+    system = start("lockstep", time_limit=60.0)
     system.after_plan(3)
     system.start_like("optimizer", "second")
     assert eventually(lambda: system.said("robot", "2 optimizers plan for it: "), 60.0)
@@ -209,10 +211,10 @@ def haunt():
 
 
 def test_ghosts_that_were_there_before_two_real_workers_cost_nothing(
-    start, haunt, expected_digests
+    run_system, haunt, expected_digests
 ):
     """Whoever answers is found among them."""
-    system = start("lockstep", workers=2, starts_robot=False)
+    system = run_system(**options("lockstep"), starts_robot=False)
     for name in ("local-0", "local-1", "optimizer"):
         system.kill(name)
     haunt(system)
@@ -226,7 +228,7 @@ def test_ghosts_that_were_there_before_two_real_workers_cost_nothing(
 
 @pytest.mark.alone
 def test_ghosts_that_come_while_two_real_workers_plan_cost_nothing(start, haunt):
-    system = start("realtime", workers=2)
+    system = start("realtime")
     system.after_plan(3)
     haunt(system)
     code, summary = system.finish()

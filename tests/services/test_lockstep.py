@@ -23,29 +23,37 @@ def no_traceback(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("workers", "threads", "optimizer", "guidance"),
-    [
-        (1, 1, "cem", "none"),
-        (1, 2, "mppi", "none"),
-        (2, 1, "ps", "object"),
-        (2, 2, "cem", "none"),
-        (5, 2, "cem", "none"),
-    ],
-)
-def test_any_number_of_workers_and_threads_gives_the_same_bits(
-    run_system, expected_digests, config, workers, threads, optimizer, guidance
-):
-    planner = replace(config, optimizer=optimizer, guidance=guidance)
-    code, summary = run_system(workers, threads, planner=planner, time_limit=1.0).finish()
+def assert_same_bits(finished, expected):
+    code, summary = finished
     assert (code, summary["end_reason"], summary["plans"]) == (1, "timeout", 20)
-    assert digests(summary) == expected_digests(optimizer, guidance=guidance)
+    assert digests(summary) == expected
     # a worker that is slow to compile is asked twice: that is no loss
     assert summary["partial_plans"] == summary["missed_deadlines"] == 0
 
 
-def test_a_killed_worker_changes_nothing(run_system, expected_digests):
-    system = run_system(workers=2, time_limit=LIMIT)
+@pytest.mark.parametrize(("optimizer", "guidance"), [("ps", "object"), ("mppi", "none")])
+def test_two_workers_give_the_same_bits(
+    robot_starts, expected_digests, config, optimizer, guidance
+):
+    planner = replace(config, optimizer=optimizer, guidance=guidance)
+    system = robot_starts(planner=planner, time_limit=1.0)
+    assert_same_bits(system.finish(), expected_digests(optimizer, guidance=guidance))
+
+
+def test_any_number_of_workers_with_threads_gives_the_same_bits(
+    run_system, expected_digests, tmp_path
+):
+    system = run_system(workers=5, threads=2, time_limit=1.0)
+    assert_same_bits(system.finish(), expected_digests())
+    for left in (2, 1):
+        for number in range(left, 5):
+            system.kill(f"local-{number}")
+        system.start_robot(out=tmp_path / str(left))
+        assert_same_bits(system.finish(), expected_digests())
+
+
+def test_a_killed_worker_changes_nothing(robot_starts, expected_digests):
+    system = robot_starts(time_limit=LIMIT)
     system.after_plan(MIDDLE)
     system.kill("local-0")
     code, summary = system.finish()
@@ -53,19 +61,20 @@ def test_a_killed_worker_changes_nothing(run_system, expected_digests):
     assert digests(summary) == expected_digests(time_limit=LIMIT)
 
 
-def test_a_frozen_worker_that_comes_back_changes_nothing(run_system, expected_digests):
-    system = run_system(workers=2, time_limit=LIMIT)
+def test_frozen_workers_that_come_back_change_nothing(robot_starts, expected_digests):
+    system = robot_starts(time_limit=LIMIT)
     system.after_plan(MIDDLE)
-    system.signal("local-0", signal.SIGSTOP)
-    system.after_plan(MIDDLE + 3)
-    system.signal("local-0", signal.SIGCONT)
+    for name in ("local-0", "local-1"):
+        system.signal(name, signal.SIGSTOP)
+        system.after_more_plans(3)
+        system.signal(name, signal.SIGCONT)
     _, summary = system.finish()
     assert digests(summary) == expected_digests(time_limit=LIMIT)
     assert summary["rollouts_lost"] > 0  # what the frozen one had was asked of the other
 
 
-def test_workers_that_all_die_and_are_replaced_change_nothing(run_system, expected_digests):
-    system = run_system(workers=2, time_limit=LIMIT)
+def test_workers_that_all_die_and_are_replaced_change_nothing(robot_starts, expected_digests):
+    system = robot_starts(time_limit=LIMIT)
     system.after_plan(MIDDLE)
     system.kill("local-0")
     system.kill("local-1")
@@ -76,8 +85,8 @@ def test_workers_that_all_die_and_are_replaced_change_nothing(run_system, expect
 
 
 @pytest.mark.parametrize("name", ["optimizer", "state-estimator"])
-def test_a_restarted_service_goes_on_where_the_last_one_ended(run_system, expected_digests, name):
-    system = run_system(workers=2, time_limit=LIMIT)
+def test_a_restarted_service_goes_on_where_the_last_one_ended(robot_starts, expected_digests, name):
+    system = robot_starts(time_limit=LIMIT)
     system.after_plan(MIDDLE)
     system.restart(name)
     code, summary = system.finish()
@@ -87,9 +96,9 @@ def test_a_restarted_service_goes_on_where_the_last_one_ended(run_system, expect
 
 @pytest.mark.parametrize("estimator", ["truth", "lowpass"])
 def test_a_robot_that_is_started_again_needs_nothing_else_restarted(
-    run_system, expected_digests, estimator
+    robot_starts, expected_digests, estimator
 ):
-    system = run_system(workers=1, time_limit=1.0, estimator=estimator)
+    system = robot_starts(time_limit=1.0, estimator=estimator)
     system.after_plan(5)
     for _ in range(2):  # in the middle of a run, and after its end
         system.restart("robot-interface")
@@ -97,10 +106,11 @@ def test_a_robot_that_is_started_again_needs_nothing_else_restarted(
         assert digests(summary) == expected_digests(estimator=estimator)
 
 
-def test_without_workers_the_run_ends_with_a_reason(run_system):
-    system = run_system(workers=1, time_limit=LIMIT, wait=4.0)
+def test_without_workers_the_run_ends_with_a_reason(robot_starts):
+    system = robot_starts(time_limit=LIMIT, wait=4.0)
     system.after_plan(MIDDLE)
     system.kill("local-0")
+    system.kill("local-1")
     code, summary = system.finish()
     assert code == 3
     assert summary["end_reason"] == "fault: no answer to the request for a plan in 4 s"
@@ -108,8 +118,8 @@ def test_without_workers_the_run_ends_with_a_reason(run_system):
     assert MIDDLE < summary["plans"] < 40
 
 
-def test_without_an_estimator_the_run_ends_with_a_reason(run_system):
-    system = run_system(workers=1, time_limit=LIMIT, wait=4.0)
+def test_without_an_estimator_the_run_ends_with_a_reason(robot_starts):
+    system = robot_starts(time_limit=LIMIT, wait=4.0)
     system.after_plan(MIDDLE)
     system.kill("state-estimator")
     code, summary = system.finish()
@@ -131,16 +141,16 @@ def test_a_worker_of_another_build_is_told_on_both_sides_and_goes_on(run_system,
     assert err.count(remedy) == 2
 
 
-def test_lowpass_estimates_are_the_same_over_zenoh(run_system, expected_digests):
-    code, summary = run_system(estimator="lowpass", time_limit=0.5).finish()
+def test_lowpass_estimates_are_the_same_over_zenoh(robot_starts, expected_digests):
+    code, summary = robot_starts(estimator="lowpass", time_limit=0.5).finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     assert digests(summary) == expected_digests(estimator="lowpass", time_limit=0.5)
 
 
 @pytest.mark.parametrize("task", ["g1/box_push", "g1/door_open"])
-def test_g1_gives_the_same_bits_though_a_worker_dies(run_system, expected_digests, task):
+def test_g1_gives_the_same_bits_though_a_worker_dies(robot_starts, expected_digests, task):
     """Another robot, policy and memory, and a door that no free joint carries."""
-    system = run_system(workers=2, time_limit=1.0, task=task)
+    system = robot_starts(task, time_limit=1.0)
     system.after_plan(MIDDLE // 2)
     system.kill("local-0")
     code, summary = system.finish()
@@ -148,8 +158,8 @@ def test_g1_gives_the_same_bits_though_a_worker_dies(run_system, expected_digest
     assert digests(summary) == expected_digests(time_limit=1.0, task=task)
 
 
-def test_g1_on_lowpass_estimates_gives_the_same_bits(run_system, expected_digests):
-    system = run_system(estimator="lowpass", time_limit=0.5, task="g1/box_push")
+def test_g1_on_lowpass_estimates_gives_the_same_bits(robot_starts, expected_digests):
+    system = robot_starts("g1/box_push", estimator="lowpass", time_limit=0.5)
     _, summary = system.finish()
     expected = expected_digests(estimator="lowpass", time_limit=0.5, task="g1/box_push")
     assert digests(summary) == expected

@@ -10,7 +10,6 @@ from sumo_dist import priority
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.alone,
     pytest.mark.timeout(120),
     pytest.mark.skipif(
         not hasattr(os, "sched_setscheduler"), reason="only Linux has these priorities"

@@ -23,9 +23,9 @@ def no_traceback(capfd):
 
 
 @pytest.fixture
-def start(run_system):
-    def start(workers=2, time_limit=LIMIT, **changes):
-        return run_system(workers, speed=SPEED, clock="realtime", time_limit=time_limit, **changes)
+def start(robot_starts):
+    def start(time_limit=LIMIT):
+        return robot_starts(speed=SPEED, clock="realtime", time_limit=time_limit)
 
     return start
 
@@ -67,9 +67,10 @@ def test_a_worker_that_freezes_and_dies_costs_rollouts_and_nothing_else(start):
 
 
 def test_without_workers_the_plan_goes_on_until_one_is_back(start, eventually):
-    system = start(workers=1, time_limit=LONG)
+    system = start(time_limit=LONG)
     system.after_plan(8)
     system.kill("local-0")
+    system.kill("local-1")
     assert eventually(lambda: system.answered == 0, 30.0)
     system.start_again("local-0")
     assert eventually(lambda: system.answered > 0, 60.0)

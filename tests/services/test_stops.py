@@ -12,7 +12,8 @@ from sumo_dist.robots.spot import SPOT
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.notices import Health
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+alone = pytest.mark.alone
 
 SPEED = 0.8  # of the wall clock: stops take seconds of robot time
 LONG = 60.0  # a limit that no test waits for [s]
@@ -24,10 +25,10 @@ def no_traceback(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-def give(action, endpoint, capfd):
+def give(action, system, capfd):
     """Give a command by `sumo-dist stop` or `resume`; return exit code and what was said."""
     reason = ["--reason", "a test"] if action == "stop" else []
-    code = main([action, "--connect", endpoint, *reason])
+    code = main([action, "--connect", system.endpoint, *reason])
     return code, capfd.readouterr().out
 
 
@@ -35,12 +36,12 @@ def heights(system):
     return np.array(system.recording().states)[:, 2]
 
 
-@pytest.mark.parametrize("clock", ["lockstep", "realtime"])
-def test_stop_makes_the_robot_sit_and_ends_the_run(run_system, endpoint, capfd, clock):
+@pytest.mark.parametrize("clock", ["lockstep", pytest.param("realtime", marks=alone)])
+def test_stop_makes_the_robot_sit_and_ends_the_run(robot_starts, capfd, clock):
     speed = SPEED if clock == "realtime" else None
-    system = run_system(speed=speed, clock=clock, time_limit=20.0)
+    system = robot_starts(speed=speed, clock=clock, time_limit=20.0)
     system.after_plan(5)
-    code, said = give("stop", endpoint, capfd)
+    code, said = give("stop", system, capfd)
     assert (code, said.rpartition(" ")[0]) == (0, "spot: stop at tick")
     code, summary = system.finish()
     assert code == 3
@@ -55,28 +56,30 @@ def test_stop_makes_the_robot_sit_and_ends_the_run(run_system, endpoint, capfd, 
     assert (command["verb"], command["value"]) == ("stop", "a test")
 
 
-@pytest.mark.parametrize("lost", ["local-0", "state-estimator"])
-def test_a_stop_is_obeyed_while_the_robot_waits_for_an_answer(run_system, endpoint, capfd, lost):
+@pytest.mark.parametrize("lost", [("local-0", "local-1"), ("state-estimator",)])
+def test_a_stop_is_obeyed_while_the_robot_waits_for_an_answer(robot_starts, capfd, lost):
     """In lockstep it would wait for a plan or a state as long as it takes."""
-    system = run_system(workers=1, time_limit=20.0, wait=600.0)
+    system = robot_starts(time_limit=20.0, wait=600.0)
     system.after_plan(5)
-    system.kill(lost)
+    for name in lost:
+        system.kill(name)
     time.sleep(0.5)
-    assert give("stop", endpoint, capfd)[0] == 0
+    assert give("stop", system, capfd)[0] == 0
     code, summary = system.finish()
     assert code == 3
     assert summary["end_reason"].endswith(": a test, the robot sat down")
     assert heights(system)[-1] < 0.3
 
 
-def test_a_stop_before_the_clock_starts_is_obeyed(run_system, endpoint, capfd):
+@alone
+def test_a_stop_before_the_clock_starts_is_obeyed(run_system, capfd):
     """While it calibrates, or waits for somebody to plan at all."""
     system = run_system(workers=0, clock="realtime", time_limit=20.0, wait=600.0)
     deadline = time.monotonic() + 60.0
     while system.number == 0:
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert give("stop", endpoint, capfd)[0] == 0
+    assert give("stop", system, capfd)[0] == 0
     code, summary = system.finish()
     assert code == 3
     assert summary["end_reason"].endswith(": a test, the robot sat down")
@@ -87,16 +90,17 @@ def mode(health):
     return message.mode if (message := health.peek()) else None
 
 
-def test_it_goes_on_only_when_it_is_told_to(run_system, endpoint, capfd, eventually):
-    system = run_system(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=30.0)
-    with Bus.dial(endpoint, "spot") as bus:
+@alone
+def test_it_goes_on_only_when_it_is_told_to(robot_starts, capfd, eventually):
+    system = robot_starts(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=30.0)
+    with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
-        assert give("stop", endpoint, capfd)[0] == 0
+        assert give("stop", system, capfd)[0] == 0
         assert eventually(lambda: mode(health) == "stopped", 30.0)
         time.sleep(0.6)
         assert mode(health) == "stopped"  # plans alone do not make it move
-        assert give("resume", endpoint, capfd)[0] == 0
+        assert give("resume", system, capfd)[0] == 0
         assert eventually(lambda: mode(health) == "running", 60.0)
         system.after_more_plans(30)  # 1.5 s: the policy lifts what the servos cannot
     system.interrupt()
@@ -104,16 +108,17 @@ def test_it_goes_on_only_when_it_is_told_to(run_system, endpoint, capfd, eventua
     assert z.min() < 0.3 < 0.45 < z[-1]
 
 
-def test_a_robot_that_lost_its_state_does_not_rise_without_one(run_system, endpoint, eventually):
-    system = run_system(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=60.0)
-    with Bus.dial(endpoint, "spot") as bus:
+@alone
+def test_a_robot_that_lost_its_state_does_not_rise_without_one(robot_starts, eventually):
+    system = robot_starts(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=60.0)
+    with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
         system.kill("state-estimator")
         assert eventually(lambda: mode(health) == "stopped", 30.0)
 
         def insist():
-            while main(["resume", "--connect", endpoint]) != 0:
+            while main(["resume", "--connect", system.endpoint]) != 0:
                 pass  # a state takes as long as a process takes to start
 
         order = threading.Thread(target=insist, daemon=True)
@@ -127,10 +132,11 @@ def test_a_robot_that_lost_its_state_does_not_rise_without_one(run_system, endpo
     system.interrupt()
 
 
-def test_while_it_sits_it_is_told_to_stand_first(run_system, endpoint, capfd, eventually):
+@alone
+def test_while_it_sits_it_is_told_to_stand_first(robot_starts, capfd, eventually):
     """And of all that it was told, only what was carried out is recorded."""
-    system = run_system(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=60.0)
-    with Bus.dial(endpoint, "spot") as bus:
+    system = robot_starts(speed=SPEED, clock="realtime", time_limit=LONG, resume_wait=60.0)
+    with Bus.dial(system.endpoint, "spot") as bus:
         health = bus.newest(Health, address="robot")
         system.after_plan(5)
         assert system.command("pause").refusal == ""

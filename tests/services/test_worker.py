@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -444,6 +445,25 @@ def test_a_worker_gives_way_unless_told_not_to(router, robot, give_way, niceness
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     ours = os.nice(0)
     assert int(done.stdout) == min(niceness, 19 - ours)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
+def test_a_new_worker_has_answered_after_two_seconds_of_work(router, robot, asked):
+    """From the start of its process to its first rows; on an idle machine work is all it takes."""
+    command = [sys.executable, "-P", "-m", "sumo_dist", "rollout-worker", "--connect", router]
+    with Bus.dial(router, robot, run="run") as bus:
+        replies, joined = bus.inbox(RolloutReply, "o-1"), threading.Event()
+        bus.watch("worker", lambda member, alive: joined.set())
+        with subprocess.Popen([*command, "--name", "new"]) as process:
+            try:
+                assert joined.wait(60.0)
+                bus.publish(replace(asked, worker="new", robot=robot))
+                assert replies.get(timeout=60.0).refusal == ""
+                stat = Path("/proc", str(process.pid), "stat").read_text().rpartition(")")[2]
+                took = sum(map(int, stat.split()[11:15])) / os.sysconf("SC_CLK_TCK")
+            finally:
+                process.terminate()
+    assert took < 2.0
 
 
 def test_a_default_name_is_unique_on_the_bus():

@@ -72,6 +72,18 @@ def test_a_failed_handshake_is_told_without_a_source_and_a_mere_look_is_not(said
     ]
 
 
+def test_a_certificate_that_has_expired_is_told_once_however_long_it_dials(said):
+    failed = (
+        "WARN acc-0 ThreadId(06) zenoh_link_tls::unicast: invalid peer certificate: certificate "
+        "expired: verification time 1795753{} (UNIX), but certificate is not valid after "
+        "1795753004 ({} seconds ago). Hint: increase the system open file limit."
+    )
+    (line,) = said(*(failed.format(14 + i, 10 + i) for i in range(3)))
+    assert "certificate expired: verification time 179575314" in line
+    other = failed.replace("certificate expired", "certificate not valid yet")
+    assert len(said(failed.format(14, 10), other.format(14, 10))) == 3  # with the one before
+
+
 @pytest.mark.parametrize("line", ["", "\xff\xfe", "is unauthorized to", "Accepted TLS connection"])
 def test_any_other_line_is_left_alone(said, line):
     assert said(line) == []

@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
 from sumo_dist.errors import SumoError, TaskError
+from sumo_dist.startup import WithoutGraphics
 
 J = TypeVar("J")
 
@@ -107,7 +108,8 @@ class JobProcess:
         context = multiprocessing.get_context("spawn")  # not forked: this process has threads
         self._ours, theirs = context.Pipe(duplex=False)
         self._process = context.Process(target=_work, args=(function, job, theirs))
-        self._process.start()
+        with WithoutGraphics():
+            self._process.start()
         theirs.close()
 
     def wait(self, timeout: float) -> bool:

@@ -22,6 +22,7 @@ from sumo_dist.bench.measure.pool_model import RolloutTimes
 from sumo_dist.errors import SumoError
 from sumo_dist.priority import go_first
 from sumo_dist.services.inbox import Inbox
+from sumo_dist.startup import WithoutGraphics
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import POOL, WORKER
 from sumo_dist.wire.messages import RolloutReply, RolloutRequest
@@ -55,13 +56,14 @@ class Process:
 
     def __init__(self, script: Script) -> None:
         """Start it; its workers are there when it has been entered."""
-        self._child = subprocess.Popen(
-            [sys.executable, "-P", "-m", __spec__.name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # Ctrl-C is ours to handle
-        )
+        with WithoutGraphics():
+            self._child = subprocess.Popen(
+                [sys.executable, "-P", "-m", __spec__.name],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                start_new_session=True,  # Ctrl-C is ours to handle
+            )
         self._script = script
 
     def __enter__(self) -> Self:
