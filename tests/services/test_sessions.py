@@ -56,7 +56,7 @@ def test_they_serve_one_robot_after_another_whatever_its_task(
         assert system.processes[name].poll() is None, f"{name} has ended"
     assert system.episodes == 3
     shown = [tmp_path / name for name in ("run.rrd", "run-2.rrd", "run-3.rrd")]
-    assert eventually(lambda: all(path.exists() for path in shown), 30.0)
+    assert eventually(lambda: all(path.exists() for path in shown), 120.0)
     system.processes["tracer"].terminate()
     system.processes["tracer"].wait(60.0)
     for path, task in zip(shown, ("move_box", "upright_tire", "move_box"), strict=True):
