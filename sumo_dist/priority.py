@@ -15,8 +15,7 @@ from sumo_dist.errors import unknown
 VARIABLE = "SUMO_DIST_PRIORITY"
 CHOICES = ("real-time", "normal")
 RANK = 10  # of SCHED_RR, which has 1 to 99: before all that is normal, behind what drives hardware
-NICENESS = 10  # of rollouts
-WATCHING = 15  # of what only shows: behind the rollouts, too, which plans wait for
+NICENESS = 10
 AUTOGROUP = Path("/proc/self/autogroup")
 PATIENCE_S = 2.0  # for the turn of many workers that start at once
 
@@ -54,15 +53,15 @@ def goes_first() -> bool:
     return hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0) == os.SCHED_RR
 
 
-def lower_priority(niceness: int = NICENESS) -> None:
+def lower_priority() -> None:
     """Let the other services of this machine go before this process."""
-    os.nice(niceness)
+    os.nice(NICENESS)
     # Linux may group processes by session, and then weighs niceness within one only. A worker of a
     # terminal shares its session with what else runs there, which must not become slower.
     deadline = time.monotonic() + PATIENCE_S
     while os.getsid(0) == os.getpid() and time.monotonic() < deadline:
         try:
-            AUTOGROUP.write_text(str(niceness), encoding="ascii")
+            AUTOGROUP.write_text(str(NICENESS), encoding="ascii")
             return
         except BlockingIOError:  # of those without privileges one gets its turn in 0.1 s
             time.sleep(0.02)

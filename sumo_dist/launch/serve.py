@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from sumo_dist.launch import logs
 from sumo_dist.launch.endpoint import router_endpoint
 from sumo_dist.launch.launcher import PARENT
-from sumo_dist.priority import WATCHING, go_first, lower_priority
+from sumo_dist.priority import go_first, lower_priority
 from sumo_dist.services import control as control_service
 from sumo_dist.services import estimator as estimator_service
 from sumo_dist.services import optimizer as optimizer_service
@@ -64,7 +64,7 @@ def worker(options: Worker) -> int:
 def tracer(options: Tracer) -> int:
     """Show and record until the run has ended."""
     with service() as stop:
-        lower_priority(WATCHING)
+        lower_priority()
         tracer_service.run(options, stop)
     return 0
 
