@@ -12,7 +12,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.services.backlog import Backlog
-from sumo_dist.services.tracer import Candidates, Tracer, TracerOptions, run
+from sumo_dist.services.candidates import Candidates, Tracer, TracerOptions, run
 from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
 from sumo_dist.wire.bus import Bus

@@ -3,11 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from sumo_dist.view.ghost import WAY_POINTS, Foresight, GhostLog
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.problem import Problem, planning_options
-from sumo_dist.view.ghost import WAY_POINTS, Foresight, GhostLog
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.replay import reports
 from sumo_dist.view.rrd_file import RrdFile
