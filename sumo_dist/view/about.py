@@ -38,7 +38,8 @@ def scene(task: Task, episode: EpisodeConfig, left_out: str) -> str:
 - **pale twin**, and pale lines: where the plan ends, and the way there
 {goal}- **{ways} on the floor**: the way of {whose} so far
 {lacks}
-**Is it late?** *drive*: the plan's age stays below the grey line; the lane *plans* is green.\\
+**Is it late?** *drive*: the plan's age stays below the grey line (grey lines are limits, here and
+in other plots); the lane *plans* is green.\\
 **Is the cost wrong?** *tune*: which term is large, and when; does noise at the knots reach far
 enough; does the new plan cost less than the current one.\\
 **Is the state or the model wrong?** *tune*: how far off the plan the robot is after 0.24 s; contact

@@ -30,12 +30,11 @@ TERMS = Chart("charts/terms", "s")
 class AheadLog:
     """Draws what plans lead to, and compares it with what came."""
 
-    def __init__(
-        self, out: Outputs, task: Task, model: mujoco.MjModel, plots: PlotLog, forces: Forces
-    ) -> None:
+    def __init__(self, out: Outputs, task: Task, model: mujoco.MjModel, plots: PlotLog) -> None:
         """Log the twin's geometry; the model is the plant's."""
         self._out, self._task, self._model = out, task, model
-        self._plots, self._forces = plots, forces
+        self._plots = plots
+        self._forces: Forces | None = None  # of the planning model
         self._data = mujoco.MjData(model)
         self._twin = SceneLog(out, model, chunk_ticks=1, twin=True)
         self._begun = False
@@ -57,8 +56,10 @@ class AheadLog:
         for name in dict.fromkeys(("base", *self._task.trails)):
             self._log_way(name, ahead)
         self._rows.clear()
-        steps = enumerate(self._forces.along(ahead, EVERY_TICKS), ahead.tick + 1)
-        self._rows.extend(steps)
+        if self._forces is None:
+            self._forces = Forces(ahead.model, self._task.scene.robot.base)
+        forces = self._forces.along(ahead, EVERY_TICKS)
+        self._rows.extend(enumerate(forces, ahead.tick + 1))
         if len(ahead.states) >= LEAD_TICKS:
             at = {n: ahead.view[n].pos[0, LEAD_TICKS - 1] for n in compared(self._task)}
             self._expected.append((ahead.tick + LEAD_TICKS, at))

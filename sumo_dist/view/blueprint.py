@@ -78,11 +78,11 @@ def layout(
 
 def _drive(eye: Eye, movers: Sequence[str], plots: Plots) -> rrb.Vertical:
     """Is it late, does it get there, what does the robot do?"""
-    shown = [*plots.progress[:2], AGE]
+    shown = [*plots.progress[:3], AGE]
     return rrb.Vertical(
         _verdict(),
         _scene(eye, f"{', '.join(['Robot', *movers])} and candidate plans"),
-        rrb.Horizontal(*[_plot(plot, plot.note) for plot in shown]),
+        rrb.Horizontal(*[_plot(plot) for plot in shown]),
         _states("", "robot", "plans"),
         row_shares=[7, 62, 17, 15],
         name="drive",
@@ -93,15 +93,15 @@ def _tune(above: Eye, plots: Plots) -> rrb.Vertical:
     """Is the cost wrong, does the search reach far enough, is the model right?"""
     terms, cost, off, forces = plots.tune
     left = rrb.Vertical(
-        _chart(TERMS, "Cost of the newest plan at each moment of it"),
-        _chart(KNOTS, "Knots of the newest plan, and noise around them"),
-        _scene(above, "From above: planned ways pale, ways so far bright", candidates=False),
-        row_shares=[4, 3, 4],
+        _chart(TERMS, "Cost along the newest plan"),
+        _chart(KNOTS, "Its knots, and noise around them"),
+        _scene(above, "From above: pale is planned", candidates=False),
+        row_shares=[4, 4, 3],
     )
     right = rrb.Vertical(
         _plot(terms),
         _plot(cost),
-        rrb.Horizontal(*[_plot(plot) for plot in plots.progress[:2]]),
+        _plot(plots.progress[0]),
         _plot(off),
         _plot(forces),
         row_shares=[3, 3, 2, 3, 3],
@@ -182,14 +182,14 @@ def _states(name: str, *lanes: str) -> rrb.StateTimelineView:
     )
 
 
-def _plot(plot: Plot, note: str = "") -> rrb.TimeSeriesView:
+def _plot(plot: Plot) -> rrb.TimeSeriesView:
     """Show the last PLOT_S of a plot, beside them room for a legend: it covers nothing."""
     room = LEGEND_S if plot.legend else 0.0
     first = rr.TimeRangeBoundary.cursor_relative(seconds=-PLOT_S)
     now = rr.TimeRangeBoundary.cursor_relative()
     return rrb.TimeSeriesView(
         origin=f"plots/{plot.origin}",
-        name=legible(plot.title + note),
+        name=legible(plot.title),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=plot.legend),
         axis_x=rrb.TimeAxis(view_range=_until_now(PLOT_S + room)),
         time_ranges=[rrb.VisibleTimeRange(TIMELINE, start=first, end=now)],

@@ -13,10 +13,10 @@ from sumo_dist.view.about import legible
 from sumo_dist.view.marks import Color
 from sumo_dist.view.outputs import Outputs
 
-WIDTH, HEIGHT = 260.0, 100.0
-MARGINS = (22.0, 62.0, 8.0, 22.0)  # around the box: left, right, above, below; for the words
+WIDTH, HEIGHT = 210.0, 100.0
+MARGINS = (22.0, 72.0, 8.0, 22.0)  # around the box: left, right, above, below; for the words
 
-_WORDS = 13.0  # height of a name, so that no two stand on each other
+_WORDS = 15.0  # height of a name, so that no two stand on each other
 _AXES: Color = (120, 126, 138)
 _HAIR, _THIN, _BOLD = 0.5, 0.8, 1.4  # half the width of a line, in points of the screen
 
@@ -140,7 +140,7 @@ def _names(curves: Sequence[Curve], scale: _Scale) -> list[_Word]:
     ends.sort(key=lambda end: end[0])
     heights = _spaced([height for height, _ in ends])
     return [
-        _Word((WIDTH + 28.0, height), legible(curve.name), curve.color)
+        _Word((WIDTH + 36.0, height), legible(curve.name), curve.color)
         for height, (_, curve) in zip(heights, ends, strict=True)
     ]
 

@@ -10,8 +10,8 @@ from sumo_dist.view.foresight import Ahead
 class Forces:
     """Contact forces along a rollout, summed over who touches whom.
 
-    They are those of the planning model under the joint targets that the rollout applied, not
-    measured ones.
+    They are those of the model that was rolled out, under the joint targets that were applied:
+    not measured ones.
 
     Attributes:
         pairs: what touches what, in the order of the numbers.

@@ -4,6 +4,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from sumo_dist.costs.view import View
@@ -24,12 +25,14 @@ class Ahead:
     """One rollout of T steps from a tick's state to the end of a plan.
 
     Attributes:
+        model: that was rolled out.
         tick: of the state that it starts from.
         states: (T, nq + nv); row k is after step k, at tick + k + 1.
         targets: (T, nu) joint targets that the servos held during the step.
         view: the same by the names of the task, one rollout.
     """
 
+    model: mujoco.MjModel
     tick: int
     states: np.ndarray
     targets: np.ndarray
@@ -66,7 +69,7 @@ class Foresight:
             *(ahead.states, ahead.targets, ahead.positions, ahead.rotations, physical),
             self._task.table.named(parameters),
         )
-        return Ahead(tick, ahead.states[0], ahead.targets[0], view)
+        return Ahead(self._problem.model, tick, ahead.states[0], ahead.targets[0], view)
 
     def close(self) -> None:
         """Free the engine."""

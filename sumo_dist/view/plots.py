@@ -32,8 +32,7 @@ class Plot:
         title: over it.
         lines: names of its lines.
         limits: how many of the lines, from the last one on, are limits, in grey.
-        legend: the lines' names are in the plot; else the title says what they are.
-        note: behind the title, where there is room.
+        legend: the lines' names are in the plot; else only hovering tells.
     """
 
     origin: str
@@ -41,10 +40,9 @@ class Plot:
     lines: tuple[str, ...]
     limits: int = 0
     legend: bool = True
-    note: str = ""
 
 
-AGE = Plot("age", "Plan's age [ms]", ("age", "late"), 1, legend=False, note=", grey: late")
+AGE = Plot("age", "Plan's age [ms]", ("age", "late"), 1, legend=False)
 COST = Plot("cost", "Cost of the candidates (peaks cut)", ("current plan", "best", "median"))
 TIMING = Plot(
     "timing",
@@ -83,9 +81,7 @@ def plots(task: Task, distributed: bool, forces: Sequence[str]) -> Plots:
     """Return the plots of a task between whose bodies there are some forces."""
     off = tuple(name.replace("_", " ") for name in compared(task))
     tune = (
-        Plot(
-            "terms", "Cost of the current plan, colours as in the chart", _terms(task), legend=False
-        ),
+        Plot("terms", "Cost over time (colours as left)", _terms(task), legend=False),
         COST,
         Plot("off", f"Off the plan after {LEAD_TICKS * TICK:g} s [m]", off),
         Plot("forces", "Contact forces of the plan [N]", tuple(forces)),
@@ -104,9 +100,7 @@ def _terms(task: Task) -> tuple[str, ...]:
 
 def _progress_plots(task: Task) -> tuple[Plot, ...]:
     if not isinstance(task.success, AllBelow):
-        has = Plot(
-            "progress/success", "Success test", ("holds",), legend=False, note=", 1: it holds"
-        )
+        has = Plot("progress/success", "Success test: 1", ("holds",), legend=False)
         mover = "robot" if task.goal_frame == "base" else task.goal_frame
         line = f"{mover} to goal"
         away = Plot("progress/goal", f"{line.capitalize()} [m]", (line,), legend=False)
@@ -116,7 +110,7 @@ def _progress_plots(task: Task) -> tuple[Plot, ...]:
         unit = task.table.parameters[measure.limit].unit
         title = f"{measure.name[:1].upper()}{measure.name[1:]}{f' [{unit}]' if unit else ''}"
         lines = (measure.name, "solved below")
-        plot = Plot(f"progress/{i}", title, lines, 1, legend=False, note=", grey: solved")
+        plot = Plot(f"progress/{i}", title, lines, 1, legend=False)
         shown.append(plot)
     return tuple(shown)
 
