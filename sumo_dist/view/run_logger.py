@@ -36,7 +36,7 @@ from sumo_dist.view.plots import PlotLog, plots
 from sumo_dist.view.scene import SceneLog, left_out
 from sumo_dist.view.search import SearchLog
 from sumo_dist.view.states import StateLog
-from sumo_dist.view.trails import Trails
+from sumo_dist.view.trail_log import TrailLog
 from sumo_dist.view.verdict import Verdict
 
 Level = Literal["info", "warning", "error"]
@@ -81,7 +81,7 @@ class RunLogger:
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
         self._frames = ViewLayout(self._model, task.frames)
-        self._trails = Trails(out, task)
+        self._trails = TrailLog(out, task)
         pairs = Forces(self._model, task.scene.robot.base).pairs
         self._shown = plots(task, distributed, pairs)
         self._plots = PlotLog(out, task, self._shown)

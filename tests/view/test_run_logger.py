@@ -13,7 +13,7 @@ from sumo_dist.view.marks import ON_FLOOR, way_colors
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.rrd_file import RrdFile
 from sumo_dist.view.run_logger import RunLogger
-from sumo_dist.view.trails import TRAIL_TICKS
+from sumo_dist.view.trail_log import TRAIL_TICKS
 
 
 def logged(task, states, path, read_rrd, **config):

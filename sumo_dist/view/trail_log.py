@@ -16,7 +16,7 @@ AIR_TICKS = 5  # of robot time between points in the air
 AIR_POINTS = 40  # of these: the last four seconds
 
 
-class Trails:
+class TrailLog:
     """Draws the ways so far."""
 
     def __init__(self, out: Outputs, task: Task) -> None:
