@@ -7,20 +7,20 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError
 from sumo_dist.extras import need
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.services.backlog import Backlog, Presence
+from sumo_dist.services.candidates import Candidates
 from sumo_dist.tasks import load_task
 from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import SHOUT, Bus
@@ -42,7 +42,7 @@ if TYPE_CHECKING:  # Rerun is imported when the service runs: other roles do not
     from sumo_dist.view.viewers import Viewer
 
 QUESTIONS = 50  # of which state and memory are kept until the plan is there
-PATIENCE = 4  # plans by which candidates' paths may lag behind their costs
+SOON_TICKS = 5  # after a plan's begin; its future is shown from a state until then
 
 SHOWN = (
     EpisodeInfo,
@@ -76,6 +76,7 @@ class TracerOptions(Connection):
         keys: folder from `sumo-dist keys host`, for an endpoint with TLS.
         robot: whose episodes to show.
         viewer: "web", "native" or "none"; "embedded" is "web" for the control page, which shows it.
+        layout: the tab of the view that is open at first: drive, tune or fleet.
         linger: stay after the last episode of a session, for the next robot's as well, until told
             to stop or the viewer is closed.
     """
@@ -84,55 +85,8 @@ class TracerOptions(Connection):
 
     out: Path | None = None
     viewer: str = "web"
+    layout: Literal["drive", "tune", "fleet"] = "drive"
     linger: bool = False
-
-
-class Candidates:
-    """Joins a plan's costs with its candidates' paths, which come in shards from the workers."""
-
-    def __init__(self) -> None:
-        """Start with none."""
-        self._plans: dict[int, PlanReport] = {}
-        self._shards: dict[int, list[Traces]] = {}
-
-    def add_shard(self, shard: Traces) -> None:
-        """Take paths of some candidates of a plan."""
-        self._shards.setdefault(shard.number, []).append(shard)
-        for number in sorted(self._shards)[: -4 * PATIENCE]:  # of plans that never came
-            del self._shards[number]
-
-    def add_plan(self, report: PlanReport) -> None:
-        """Take a plan's costs."""
-        self._plans[report.plan.number] = report
-
-    def ready(self) -> Iterator[tuple[PlanReport, np.ndarray, np.ndarray]]:
-        """Yield each plan whose paths are there, or will hardly come any more, once.
-
-        With it come costs (B,), +inf where a candidate has no path or no cost, and paths
-        (B, F, P, 3).
-        """
-        for number in sorted(self._plans):
-            report = self._plans[number]
-            drawn, paths = _assemble(len(report.costs), self._shards.get(number, []))
-            late = max(self._plans) - number >= PATIENCE
-            if late or drawn[report.finite].all():
-                del self._plans[number]
-                self._shards.pop(number, None)
-                if drawn.any():
-                    yield report, np.where(drawn & report.finite, report.costs, np.inf), paths
-
-
-def _assemble(rollouts: int, shards: list[Traces]) -> tuple[np.ndarray, np.ndarray]:
-    """Return which candidates have paths, (B,), and all paths, (B, F, P, 3)."""
-    drawn = np.zeros(rollouts, bool)
-    if not shards:
-        return drawn, np.empty(0)
-    paths = np.zeros((rollouts, *shards[0].traces.shape[1:]), np.float32)
-    for shard in shards:
-        rows = slice(shard.start, shard.start + len(shard.traces))
-        if rows.stop <= rollouts and shard.traces.shape[1:] == paths.shape[1:]:
-            paths[rows], drawn[rows] = shard.traces, True
-    return drawn, paths
 
 
 class Tracer:
@@ -150,6 +104,7 @@ class Tracer:
             out: folder of the run.
         """
         self.ended = False
+        self.dropped = 0  # messages that are not shown, as there were too many
         self._open_logger, self._out = open_logger, out
         self._logger: RunLogger | None = None
         self._run = ""
@@ -162,7 +117,10 @@ class Tracer:
         self._iterations = iterations
         self._candidates = Candidates()
         self._questions = deque[Question](maxlen=QUESTIONS)
+        self._awaiting: PlanReport | None = None  # whose state is still to come
+        self._settings: dict[str, int | float | str] | None = None
         self._tick = -1
+        self._over = False
         self._plan = -1
         self._budget_ms = PLAN_PERIOD * 1e3
 
@@ -212,14 +170,17 @@ class Tracer:
                 logger.log_state(item.tick, item.state, time.monotonic())
             case Question():
                 self._questions.append(item)
+                self._follow_settings(logger, item)
                 realtime = item.clock == "realtime" and item.speed > 0
                 self._budget_ms = PLAN_PERIOD * 1e3 / (item.speed if realtime else 1.0)
+                self._show_future(logger)
             case PlanMessage() if item.plan.number != self._plan:  # in lockstep, some come twice
                 self._plan = item.plan.number
                 logger.log_plan(item.report, self._budget_ms)
                 self._candidates.add_plan(item.report)
                 self._show_candidates(logger)
-                self._show_ghost(logger, item.report)
+                self._awaiting = item.report
+                self._show_future(logger)
             case Traces() if item.iteration == self._iterations - 1:
                 self._candidates.add_shard(item)
                 self._show_candidates(logger)
@@ -236,12 +197,14 @@ class Tracer:
             case WorkerHealth():
                 for told in item.told:
                     logger.log_worker(max(self._tick, 0), *told[:3])
+                logger.log_fleet(max(self._tick, 0), self.dropped)
             case Event():
                 self._event(item.level, f"{item.source}: {item.text}")
             case Ack():
                 how = f"refused: {item.refusal}" if item.refusal else "carried out"
                 self._event("info", f"command {item.number} of {item.sender} {how}")
-            case EpisodeEnd():
+            case EpisodeEnd() if not self._over:  # it is sent more than once
+                self._over = True
                 level = "info" if item.success else "warning"
                 self._event(level, f"the run has ended: {item.reason}")
                 again = f"sumo-dist replay {self._folder}"
@@ -252,18 +215,32 @@ class Tracer:
         for report, costs, paths in self._candidates.ready():
             logger.log_candidates(report.plan.tick, costs, paths)
 
-    def _show_ghost(self, logger: "RunLogger", report: PlanReport) -> None:
-        """Show where a plan leads, if the question that it answers was heard."""
+    def _show_future(self, logger: "RunLogger") -> None:
+        """Show where the newest plan leads, once the state is heard that it begins at, or nearly.
+
+        A plan that was made for a time to come is there before its state.
+        """
+        report = self._awaiting
+        if report is None:
+            return
         for question in self._questions:
-            if question.tick == report.plan.tick:
+            if 0 <= question.tick - report.plan.tick < SOON_TICKS:
                 logger.log_ghost(report, question.tick, question.state, question.memory)
+                self._awaiting = None
                 return
+
+    def _follow_settings(self, logger: "RunLogger", question: Question) -> None:
+        if question.settings != self._settings:
+            self._settings = question.settings
+            logger.follow_settings(PlannerConfig.from_settings(question.settings))
 
     def _presence(self, item: Presence) -> None:
         if item.alive:
             self._workers.add(item.member)
         else:
             self._workers.discard(item.member)
+            if self._logger is not None:
+                self._logger.log_worker_gone(max(self._tick, 0), item.member.id)
         if self._logger is not None:
             self._logger.log_workers(max(self._tick, 0), len(self._workers))
 
@@ -310,7 +287,7 @@ def _trace(options: TracerOptions, bus: Bus, backlog: Backlog, stop: threading.E
             folder.mkdir(parents=True, exist_ok=True)
             file = RrdFile(_unused(folder), _log.warning)
             out = episode.enter_context(Outputs(info.run, file, url))
-            logger = RunLogger(out, load_task(config.task), config, distributed=True)
+            logger = RunLogger(out, load_task(config.task), config, True, first=options.layout)
             episode.callback(logger.close)
             if any(router.build == INSECURE for router in routers.now):
                 logger.log_event(0, "warning", SHOUT)
@@ -347,6 +324,7 @@ def _follow(
             if not tracer.ended:
                 _log.warning("the viewer has ended; the run goes on and is recorded")
         item = backlog.get(_IDLE_S)
+        tracer.dropped = backlog.dropped
         if item is not None:
             tracer.show(item)
             continue

@@ -59,6 +59,25 @@ class CostTerm:
         """
         return _reduce(values_of(self.what, self.residual, view, self.made), self.reduction)
 
+    def course(self, view: View) -> np.ndarray:
+        """Return what each step adds to the reduced residual, unweighted, (B, T).
+
+        Its mean over the steps is what `evaluate` returns; of "any" it is whether it holds, and
+        the largest is.
+
+        Raises:
+            TaskError: as of `evaluate`.
+        """
+        values = values_of(self.what, self.residual, view, self.made)
+        if self.reduction in INDICATORS:
+            return values.astype(bool).astype(float)
+        values = values.astype(float)
+        return (
+            values * values.mean(axis=1, keepdims=True)
+            if self.reduction == "squared_mean"
+            else values
+        )
+
 
 def evaluate(terms: tuple[CostTerm, ...], view: View) -> np.ndarray:
     """Reduced residual of every term for every rollout, unweighted, (B, n_terms)."""

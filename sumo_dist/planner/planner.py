@@ -87,6 +87,14 @@ class Planner:
         self._sigma = self._noise()
         self._coloring = coloring(config.noise_exponent, len(self._sigma))
 
+    @property
+    def search(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (F,) of the knots that are searched [s], and the noise's deviations (F, n) there.
+
+        The deviations are of the first iteration, in normalised actions.
+        """
+        return self._node_times[-len(self._sigma) :], self._sigma
+
     def plan(
         self, request: PlanRequest, evaluate: Evaluate, rollouts: int | None = None
     ) -> PlanResult:

@@ -16,8 +16,8 @@ def legible(text: str) -> str:
     return "".join(c if ord(c) < 0x180 or c in _BEYOND_LATIN else "?" for c in text)
 
 
-def scene(task: Task, episode: EpisodeConfig) -> str:
-    """Explain the 3D view, as Markdown."""
+def scene(task: Task, episode: EpisodeConfig, left_out: str) -> str:
+    """Explain the views, as Markdown; `left_out` names what the 3D view does not draw."""
     planner, chosen = episode.planner, elite_count(episode.planner)
     best = "best future" if chosen == 1 else f"{chosen} best futures"
     robot_goes = task.goal_frame == "base"
@@ -27,6 +27,7 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
     paths = ["the robot's base" if name == "base" else f"the {name}" for name in task.trails]
     trails = " and ".join(paths).replace("_", " ")
     goal = f"- **green target**: where {rest}\n" if task.goal else ""
+    lacks = f"- not drawn: {left_out}\n" if left_out else ""
     return f"""\
 **{task.name}**: 20 times a second {task.scene.robot.name.capitalize()} imagines
 **{planner.rollouts} futures** of {planner.horizon:g} s, scores them, and follows the best it found
@@ -34,8 +35,16 @@ def scene(task: Task, episode: EpisodeConfig) -> str:
 - **thin lines**: where {trails} go in each future, from cheap
   (yellow) over green and blue to expensive (violet)
 - **white lines**: the {best}
-- **pale twin**, and pale line on the floor: where the plan ends, and the robot's way there
+- **pale twin**, and pale lines: where the plan ends, and the way there
 {goal}- **{ways} on the floor**: the way of {whose} so far
+{lacks}
+**Is it late?** *drive*: the plan's age stays below the grey line (grey lines are limits, here and
+in other plots); the lane *plans* is green.\\
+**Is the cost wrong?** *tune*: which term is large, and when; does noise at the knots reach far
+enough; does the new plan cost less than the current one.\\
+**Is the state or the model wrong?** *tune*: how far off the plan the robot is after 0.24 s; contact
+forces are the planning model's own along the plan, not measured.\\
+**Is a worker sick?** *fleet*: a lane for each, rollouts that came in time, messages lost.
 """
 
 

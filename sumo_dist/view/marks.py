@@ -9,10 +9,22 @@ Color = tuple[int, int, int]
 
 ELITE: Color = (255, 255, 255)
 GOAL: Color = (64, 224, 140)
+LIMB: Color = (255, 214, 102)
 GHOST: Color = (170, 200, 255)
 _ROBOT: Color = (96, 190, 255)
 _OBJECTS: tuple[Color, ...] = ((255, 138, 60), (222, 184, 96), (226, 110, 140), (176, 150, 230))
 ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]
+
+_LINES: tuple[Color, ...] = (  # legible on dark and on light
+    (66, 146, 214),
+    (238, 130, 50),
+    (44, 160, 112),
+    (204, 96, 160),
+    (148, 118, 200),
+    (200, 160, 40),
+    (214, 70, 70),
+    (130, 130, 130),
+)
 
 _AZIMUTH = -55.0  # [deg]
 SHOWN = 32  # candidates at most, of all ranks, besides the elites
@@ -35,6 +47,11 @@ _VIRIDIS = np.array(
     ],
     float,
 )
+
+
+def line_color(i: int) -> Color:
+    """Colour of a plot's or chart's line number i."""
+    return _LINES[i % len(_LINES)]
 
 
 def way_colors(task: Task) -> dict[str, Color]:

@@ -65,12 +65,13 @@ class Outputs:
         self._stream.set_sinks(*sinks)
 
     def log(
-        self, path: str | list[object], *archetypes: rr.AsComponents, tick: int | None = None
+        self, path: str | Sequence[str], *archetypes: rr.AsComponents, tick: int | None = None
     ) -> None:
         """Log at a tick, or for all time if none is given."""
         if tick is not None:
             self._stream.set_time(TIMELINE, duration=tick * TICK)
-        self._stream.log(path, *archetypes, static=tick is None)
+        place = path if isinstance(path, str) else list[object](path)
+        self._stream.log(place, *archetypes, static=tick is None)
         self._count()
 
     def send(

@@ -11,23 +11,15 @@ from sumo_dist.costs.view import View
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.success import AllBelow
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import TICK
-from sumo_dist.view.marks import Color
+from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.view.marks import Color, line_color
 from sumo_dist.view.outputs import Outputs
 
 SEND_TICKS = 10  # of a line are sent at a time: a chunk of one row is nearly all overhead
 BUDGETS = 4.0  # by how many budgets a plan's time is cut off, so that the budget is seen
+LEAD_TICKS = 12  # after which it is looked at how far off a plan was
+AGE_MS = 2e3 * PLAN_PERIOD  # robot time after which the next plan is late [ms]
 
-_COLORS: tuple[Color, ...] = (  # legible on dark and on light
-    (66, 146, 214),
-    (238, 130, 50),
-    (44, 160, 112),
-    (204, 96, 160),
-    (148, 118, 200),
-    (200, 160, 40),
-    (214, 70, 70),
-    (130, 130, 130),
-)
 _LIMIT: Color = (150, 150, 150)
 
 
@@ -38,50 +30,89 @@ class Plot:
     Attributes:
         origin: of its entities, below "plots".
         title: over it.
-        lines: names, in the legend; empty where each is named by an entity of its own.
-        limits: how many of the lines, from the last one on, are limits.
-        beside: it is beside the plot before it, not below.
+        lines: names of its lines.
+        limits: how many of the lines, from the last one on, are limits, in grey.
+        legend: the lines' names are in the plot; else only hovering tells.
     """
 
     origin: str
     title: str
-    lines: tuple[str, ...] = ()
+    lines: tuple[str, ...]
     limits: int = 0
-    beside: bool = False
+    legend: bool = True
 
 
-def plots(task: Task, distributed: bool) -> tuple[Plot, ...]:
-    """Return the plots of a task, its progress first; with workers, theirs last."""
-    shown = [
-        *_progress_plots(task),
-        Plot("cost", "Cost of the candidates (peaks cut)", ("current plan", "best", "median")),
-        Plot("terms", "Cost of the current plan", tuple(term.name for term in task.cost)),
-        Plot(
-            "timing",
-            f"Planning [ms] (cut at {BUDGETS:.0f} budgets)",
-            ("plan time", "age of state", "budget"),
-            limits=1,
-        ),
-    ]
-    if distributed:
-        shown.append(Plot("workers", "Rollout workers", ("alive", "lost rollouts", "sent twice")))
-        shown.append(Plot("pace", "Rollouts per second", beside=True))
-    return tuple(shown)
+AGE = Plot("age", "Plan's age [ms]", ("age", "late"), 1, legend=False)
+COST = Plot("cost", "Cost of the candidates (peaks cut)", ("current plan", "best", "median"))
+TIMING = Plot(
+    "timing",
+    "A plan takes [ms]",
+    ("plan time", "optimizer's own", "budget"),
+    limits=1,
+)
+ROLLOUTS = Plot("rollouts", "Rollouts of a plan", ("in time", "sent twice", "asked"), limits=1)
+WORKERS = Plot("workers", "Workers", ("that answer", "alive"), limits=1)
+PACE = Plot("pace", "Rollouts per second of a worker", ("fastest", "median", "slowest"))
+DROPPED = Plot("dropped", "Messages lost so far", ("robot, optimizer", "workers", "this view"))
+FLEET = (TIMING, ROLLOUTS, PACE, WORKERS, DROPPED)
 
 
-def _progress_plots(task: Task) -> list[Plot]:
+@dataclass(frozen=True)
+class Plots:
+    """The plots of a task, by what they are looked at for.
+
+    Attributes:
+        progress: towards the task's goal, against what solves it.
+        tune: what the cost and the plans are like.
+        fleet: who computes how much; empty in one process.
+    """
+
+    progress: tuple[Plot, ...]
+    tune: tuple[Plot, ...]
+    fleet: tuple[Plot, ...]
+
+    @property
+    def all(self) -> tuple[Plot, ...]:
+        """Every plot."""
+        return (*self.progress, AGE, *self.tune, *self.fleet)
+
+
+def plots(task: Task, distributed: bool, forces: Sequence[str]) -> Plots:
+    """Return the plots of a task between whose bodies there are some forces."""
+    off = tuple(name.replace("_", " ") for name in compared(task))
+    tune = (
+        Plot("terms", "Cost over time (colours as left)", _terms(task), legend=False),
+        COST,
+        Plot("off", f"Off the plan after {LEAD_TICKS * TICK:g} s [m]", off),
+        Plot("forces", "Contact forces of the plan [N]", tuple(forces)),
+    )
+    return Plots(_progress_plots(task), tune, FLEET if distributed else ())
+
+
+def compared(task: Task) -> tuple[str, ...]:
+    """Frames whose way is compared with the plan."""
+    return tuple(dict.fromkeys(("base", *task.trails, *task.movers)))
+
+
+def _terms(task: Task) -> tuple[str, ...]:
+    return tuple(term.name for term in task.cost)
+
+
+def _progress_plots(task: Task) -> tuple[Plot, ...]:
     if not isinstance(task.success, AllBelow):
-        has = Plot("progress/success", "Success test", ("1: it holds",))
+        has = Plot("progress/success", "Success test: 1", ("holds",), legend=False)
         mover = "robot" if task.goal_frame == "base" else task.goal_frame
         line = f"{mover} to goal"
-        away = Plot("progress/goal", f"{line.capitalize()} [m]", (line,))
-        return [has] if task.goal is None else [away, has]
+        away = Plot("progress/goal", f"{line.capitalize()} [m]", (line,), legend=False)
+        return (has,) if task.goal is None else (away, has)
     shown = []
     for i, measure in enumerate(task.success.measures):
         unit = task.table.parameters[measure.limit].unit
-        title = f"{measure.name[:1].upper()}{measure.name[1:]} [{unit}]" if unit else measure.name
-        shown.append(Plot(f"progress/{i}", title, (measure.name, "solved below"), limits=1))
-    return shown
+        title = f"{measure.name[:1].upper()}{measure.name[1:]}{f' [{unit}]' if unit else ''}"
+        lines = (measure.name, "solved below")
+        plot = Plot(f"progress/{i}", title, lines, 1, legend=False)
+        shown.append(plot)
+    return tuple(shown)
 
 
 @dataclass
@@ -93,17 +124,16 @@ class _Rows:
 class PlotLog:
     """Writes the plots' values."""
 
-    def __init__(self, out: Outputs, task: Task, distributed: bool) -> None:
+    def __init__(self, out: Outputs, task: Task, shown: Plots) -> None:
         """Name the lines."""
         self._out, self._task = out, task
         self._rows: dict[str, _Rows] = {}
         self._indicators = np.array([term.reduction in INDICATORS for term in task.cost])
         self._cost_ceiling = self._term_ceiling = -np.inf
-        for plot in plots(task, distributed):
-            if plot.lines:
-                colors = [*_COLORS[: len(plot.lines) - plot.limits], *[_LIMIT] * plot.limits]
-                names = rr.SeriesLines(names=plot.lines, colors=colors[: len(plot.lines)])
-                out.log(f"plots/{plot.origin}", names)
+        for plot in shown.all:
+            values = len(plot.lines) - plot.limits
+            colors = [*map(line_color, range(values)), *[_LIMIT] * plot.limits]
+            out.log(f"plots/{plot.origin}", rr.SeriesLines(names=plot.lines, colors=colors))
 
     def add_state(self, tick: int, view: View, goal: np.ndarray | None) -> None:
         """Take a tick's progress; the goal (3,) is where it is now."""
@@ -124,10 +154,14 @@ class PlotLog:
         self.add("cost", tick, self._costs(report))
         if report.finite[0]:
             self.add("terms", tick, self._terms(report.terms))
-        age_ms = report.age_ticks * TICK * 1e3
-        self.add(
-            "timing", tick, [*np.minimum([report.plan_ms, age_ms], BUDGETS * budget_ms), budget_ms]
-        )
+        took = np.minimum([report.plan_ms, report.own_ms], BUDGETS * budget_ms)
+        self.add("timing", tick, [*took, budget_ms])
+        asked = len(report.costs)
+        self.add("rollouts", tick, [asked - report.lost, report.reissued, asked])
+
+    def add_age(self, tick: int, age_ms: float) -> None:
+        """Take the age of the plan that the robot has at a tick, in robot time."""
+        self.add("age", tick, [min(age_ms, BUDGETS * AGE_MS), AGE_MS])
 
     def add(self, origin: str, tick: int, values: Sequence[float] | np.ndarray) -> None:
         """Take a row of a plot's lines."""

@@ -1,6 +1,5 @@
 """A run as Rerun entities; the live tracer and the after-run conversion both write through this."""
 
-from collections import deque
 from typing import Literal
 
 import mujoco
@@ -10,36 +9,39 @@ import rerun as rr
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import PLAN_PERIOD
+from sumo_dist.timing import PLAN_PERIOD, TICK
 from sumo_dist.view import about
 from sumo_dist.view.about import legible
-from sumo_dist.view.blueprint import frame, layout
+from sumo_dist.view.ahead import AheadLog
+from sumo_dist.view.blueprint import Eye, Layout, frame, layout
 from sumo_dist.view.eye import Shot, clearest_azimuth, direction
-from sumo_dist.view.ghost import EVERY_TICKS, Foresight, GhostLog
+from sumo_dist.view.fleet import Fleet
+from sumo_dist.view.forces import Forces
+from sumo_dist.view.foresight import EVERY_TICKS, LIVE_SHARE, Allowance, Foresight
 from sumo_dist.view.marks import (
     ELITE,
     GOAL,
-    ON_FLOOR,
     SHOWN,
     TRACE_POINTS,
     eye_azimuth,
     goal_rings,
     ranked,
     thinned,
-    way_colors,
 )
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.plots import PlotLog, plots
-from sumo_dist.view.scene import SceneLog
+from sumo_dist.view.scene import SceneLog, left_out
+from sumo_dist.view.search import SearchLog
+from sumo_dist.view.states import StateLog
+from sumo_dist.view.trail_log import TrailLog
 from sumo_dist.view.verdict import Verdict
 
 Level = Literal["info", "warning", "error"]
 
 CHUNK_TICKS = 5  # states sent at a time: a quarter of the cost of one by one
-TRAIL_TICKS = 25  # of robot time between points of an executed trail
-TRAIL_POINTS = 120  # of it: the last minute
 CANDIDATE_TICKS = 5  # of robot time at least between two plans whose candidates are drawn
 VERDICT_TICKS = 10  # of robot time between two verdicts
 HEALTH_TICKS = 50  # of robot time between two numbers of the same kind
@@ -58,6 +60,7 @@ class RunLogger:
         episode: EpisodeConfig,
         distributed: bool,
         model: mujoco.MjModel | None = None,
+        first: Layout = "drive",
     ) -> None:
         """Log all that stays as it is.
 
@@ -67,8 +70,10 @@ class RunLogger:
             episode: how it plans.
             distributed: there are rollout workers to watch.
             model: of the task's scene; compiled by default.
+            first: the layout that is open at first.
         """
         self._out, self._task, self._distributed = out, task, distributed
+        self._first: Layout = first
         self._parameters = episode.cost(task).parameters
         self._goal = task.goal_position(task.table.named(self._parameters))
         self._planner = episode.planner
@@ -76,18 +81,23 @@ class RunLogger:
         self._data = mujoco.MjData(self._model)
         self._scene = SceneLog(out, self._model, CHUNK_TICKS)
         self._frames = ViewLayout(self._model, task.frames)
-        self._colors = way_colors(task)
-        self._trails = {name: deque[np.ndarray](maxlen=TRAIL_POINTS) for name in self._colors}
-        self._plots = PlotLog(out, task, distributed)
+        self._trails = TrailLog(out, task)
+        pairs = Forces(self._model, task.scene.robot.base).pairs
+        self._shown = plots(task, distributed, pairs)
+        self._plots = PlotLog(out, task, self._shown)
         self._foresight = Foresight(task, episode)
-        self._ghost = GhostLog(out, task, self._model)
+        self._allowance = Allowance(LIVE_SHARE if distributed else 1.0)
+        self._ahead = AheadLog(out, task, self._model, self._plots)
+        self._search = SearchLog(out, task.actions, episode.planner)
+        self._states = StateLog(out)
+        self._fleet = Fleet(self._plots)
+        self._plan_tick: int | None = None
         self._verdict = Verdict()
-        self._next = {"trail": 0, "candidates": 0, "ghost": 0, "verdict": 0}  # ticks
+        self._next = {"candidates": 0, "ghost": 0, "verdict": 0, "fleet": 0}  # ticks
         self._arranged = False
-        self._alive = 0
         self._said: dict[tuple[str, str], tuple[int, float | str]] = {}  # last of each counter
         self._line = ""
-        self._log_text("about/scene", about.scene(task, episode))
+        self._log_text("about/scene", about.scene(task, episode, left_out(self._model)))
         self._log_text("about/cost", about.cost(task))
         if self._goal is not None:
             self._log_goal(self._goal, tick=0)
@@ -101,8 +111,12 @@ class RunLogger:
             self._verdict.add_tick(tick, now)
         if not self._arranged:
             self._arrange(view)
-        if self._due("trail", tick, TRAIL_TICKS):
-            self._extend_trails(tick, view)
+            self._ahead.begin(tick, self._data)
+        self._ahead.reached(tick, view)
+        self._states.reached(tick)
+        if self._plan_tick is not None:
+            self._plots.add_age(tick, max(0, tick - self._plan_tick) * TICK * 1e3)
+        self._trails.extend(tick, view)
         if self._due("verdict", tick, VERDICT_TICKS):
             self._log_verdict(tick)
 
@@ -112,8 +126,8 @@ class RunLogger:
         self._follow_goal(tick, report.parameters)
         self._plots.add_plan(report, budget_ms)
         self._verdict.add_plan(report, budget_ms)
-        if self._distributed:
-            self._plots.add("workers", tick, [self._alive, report.lost, report.reissued])
+        self._states.plan(report, budget_ms)
+        self._plan_tick = tick
         if report.failed:
             text = f"plan {report.plan.number} failed: no candidate has a finite cost"
             self.log_event(tick, "warning", text)
@@ -121,30 +135,56 @@ class RunLogger:
     def log_ghost(
         self, report: PlanReport, tick: int, state: np.ndarray, memory: np.ndarray
     ) -> None:
-        """Draw where a plan leads from a tick's state and policy memory, if that is due."""
-        if self._due("ghost", tick, EVERY_TICKS):
-            self._ghost.show(tick, self._foresight.end_of(report.plan, tick, state, memory))
+        """Draw where a plan leads from a tick's state and policy memory, if that is due.
+
+        Beside a live run this takes no more than a share of the time, LIVE_SHARE.
+        """
+        if not self._allowance.left or not self._due("ghost", tick, EVERY_TICKS):
+            return
+        with self._allowance:
+            self._search.show(report.plan)
+            ahead = self._foresight.of(report.plan, tick, state, memory, report.parameters)
+            if ahead is not None:
+                self._ahead.show(ahead, report)
+
+    def follow_settings(self, settings: PlannerConfig) -> None:
+        """Take up the settings that plans are made with from now on."""
+        self._search.follow(settings)
 
     def log_workers(self, tick: int, alive: int) -> None:
         """Log how many rollout workers there are."""
-        self._alive = alive
         self._verdict.set_alive(alive)
+        self._fleet.set_alive(alive)
         self._log_verdict(tick)
 
     def log_worker(self, tick: int, worker: str, state: str, rollouts_per_s: float) -> None:
         """Log how a worker is, and how fast."""
         self._verdict.add_worker(worker, state, rollouts_per_s)
-        if self._news(tick, worker, "pace", rollouts_per_s):
-            self._out.log(["plots", "pace", worker], rr.Scalars([rollouts_per_s]), tick=tick)
+        self._states.worker(tick, worker, state)
+        self._fleet.add_worker(worker, state, rollouts_per_s)
+
+    def log_worker_gone(self, tick: int, worker: str) -> None:
+        """Log that a worker is no more."""
+        self._verdict.remove_worker(worker)
+        self._states.gone(tick, worker)
+        self._fleet.remove_worker(worker)
+        self._said = {key: last for key, last in self._said.items() if key[0] != worker}
+
+    def log_fleet(self, tick: int, dropped: int) -> None:
+        """Log the pool as it was told of so far; of `dropped` messages nothing is shown."""
+        if self._distributed and self._due("fleet", tick, VERDICT_TICKS):
+            self._fleet.log(tick, dropped)
 
     def log_mode(self, tick: int, mode: str) -> None:
         """Log what the robot does."""
         self._verdict.set_mode(mode)
+        self._states.mode(mode)
         if self._news(tick, "robot", "mode", mode):
             self._log_verdict(tick)
 
     def log_health(self, tick: int, source: str, name: str, value: float | str) -> None:
         """Log what a service tells of itself, when it changes: a number, or a text."""
+        self._fleet.count(source, name, value)
         if not self._news(tick, source, name, value):
             return
         said = rr.TextLog(legible(value)) if isinstance(value, str) else rr.Scalars([value])
@@ -184,6 +224,7 @@ class RunLogger:
     def log_end(self, tick: int, reason: str, again: str) -> None:
         """Log how the run ended, and the command that shows it again, "" for none."""
         self._verdict.end(reason, again)
+        self._states.end(tick, reason)
         self._log_verdict(tick)
 
     def flush(self) -> None:
@@ -219,26 +260,19 @@ class RunLogger:
         self._said[source, name] = tick, value
         return True
 
-    def _extend_trails(self, tick: int, view: View) -> None:
-        for name, trail in self._trails.items():
-            trail.append(np.append(view[name].pos[0, 0, :2], ON_FLOOR))
-            strip = rr.LineStrips3D(
-                [np.array(trail)], colors=[self._colors[name]], radii=rr.Radius.ui_points(2.0)
-            )
-            self._out.log(f"world/trail/{name}", strip, tick=tick)
-
     def _arrange(self, view: View) -> None:
         """Lay out the viewer around where everything starts."""
-        points = [view[name].pos[0, 0] for name in self._trails]
+        points = [view[name].pos[0, 0] for name in self._trails.names]
         if self._goal is not None:
             points.append(self._goal)
         target, distance = frame(np.array(points))
         shots = [Shot(qpos, target, distance) for qpos in self._way_ahead(points[0])]
         base, preferred = self._task.scene.robot.base, eye_azimuth(points[0], target)
         azimuth = clearest_azimuth(self._model, base, shots, _ELEVATION, preferred)
-        eye = target + distance * direction(azimuth, _ELEVATION)
-        shown = plots(self._task, self._distributed)
-        self._out.arrange(layout(eye, target, self._task.movers, shown, self._distributed))
+        eye = Eye(target + distance * direction(azimuth, _ELEVATION), target)
+        above = eye.above(points[-1][:2] - points[0][:2])
+        live = self._distributed
+        self._out.arrange(layout(eye, above, self._task.movers, self._shown, live, self._first))
         self._arranged = True
 
     def _way_ahead(self, start: np.ndarray) -> list[np.ndarray]:

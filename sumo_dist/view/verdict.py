@@ -49,6 +49,10 @@ class Verdict:
         """Take note of a worker: "answers" or why it is not asked, and how fast it is."""
         self._workers[name] = _Worker(state, rollouts_per_s)
 
+    def remove_worker(self, name: str) -> None:
+        """Take note that a worker has gone."""
+        self._workers.pop(name, None)
+
     def set_alive(self, alive: int) -> None:
         """Take note of how many workers there are."""
         self._alive, self._most_alive = alive, max(alive, self._most_alive)

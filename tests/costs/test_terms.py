@@ -45,6 +45,19 @@ def test_a_share_is_of_the_steps_at_which_it_holds(view):
     assert tipped.evaluate(view).tolist() == pytest.approx([2 / 3, 0.0])
 
 
+@pytest.mark.parametrize("reduction", ["mean", "squared_mean", "share"])
+def test_the_mean_of_a_course_is_what_the_term_costs(view, reduction):
+    term = CostTerm("t", constant(VALUES - 2.0), 7.0, reduction)
+    assert term.course(view).mean(axis=1) == pytest.approx(term.evaluate(view))
+    assert term.course(view).shape == (2, 3)
+
+
+def test_the_course_of_what_counts_once_says_when_it_holds(view):
+    fall = CostTerm("fall", constant(np.array([[0, 2, 0], [0, 0, 0]])), 2500.0, "any")
+    assert fall.course(view).tolist() == [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
+    assert fall.course(view).max(axis=1).tolist() == fall.evaluate(view).tolist()
+
+
 @pytest.mark.parametrize("weight", [-2.0, 0.0, 1e9])
 def test_a_residual_has_no_weight(view, weight):
     assert CostTerm("t", constant(VALUES), weight).evaluate(view).tolist() == [3.0, 0.0]

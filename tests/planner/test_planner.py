@@ -230,6 +230,19 @@ def test_the_base_is_searched_with_a_noise_of_its_own():
     assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])
 
 
+@pytest.mark.parametrize("spline", ["linear", "smooth"])
+def test_the_search_it_tells_of_is_the_noise_it_draws(spline):
+    small = {"variance_first": 1e-5, "variance_last": 1e-4}  # nothing is clipped
+    settings = PlannerConfig(spline=spline, rollouts=2000, **small)
+    planner, bowl = Planner(settings, ACTIONS, seed=0), Bowl()
+    planner.plan(request(), bowl)
+    times, sigma = planner.search
+    drawn = bowl.asked[0][:, -len(times) :].std(axis=0)
+    assert times[0] == 0.0
+    assert times[-1] == settings.horizon
+    assert drawn == pytest.approx(sigma, rel=0.1, abs=1e-5)
+
+
 def test_candidates_near_the_mean_are_so_in_every_iteration():
     cost = Bowl()
     small = {"variance_first": 1e-4, "variance_last": 1e-4}  # nothing is clipped

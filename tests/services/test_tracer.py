@@ -12,11 +12,16 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.services.backlog import Backlog
-from sumo_dist.services.tracer import Candidates, Tracer, TracerOptions, run
+from sumo_dist.services.candidates import Candidates
+from sumo_dist.services.tracer import Tracer, TracerOptions, run
 from sumo_dist.tasks import load_task
 from sumo_dist.view import viewers
+from sumo_dist.view.outputs import Outputs
+from sumo_dist.view.replay import reports
+from sumo_dist.view.rrd_file import RrdFile
+from sumo_dist.view.run_logger import RunLogger
 from sumo_dist.wire.bus import Bus
-from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, State, Traces
+from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage, Question, State, Traces
 from sumo_dist.wire.notices import Ack, Event, Health, WorkerHealth, WorkerStatus
 from sumo_dist.wire.session import open_router
 
@@ -179,8 +184,10 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
     elites = np.array(timed["/world/plan/elites"]["LineStrips3D:strips"][0])
     assert list(elites[::2, 0, 0]) == [5, 4, 3]  # the cheapest are the last
     assert len(timed["/plots/cost"]["sim_time"]) == 3
-    assert timed["/plots/workers"]["Scalars:scalars"][-1] == [1.0, 0.0, 0.0]
-    assert timed["/plots/pace/w"]["Scalars:scalars"] == [[300.0]]  # it has not changed
+    assert timed["/plots/workers"]["Scalars:scalars"][-1] == [1.0, 1.0]
+    assert timed["/plots/pace"]["Scalars:scalars"] == [[300.0] * 3]
+    assert timed["/workers/w"]["StateChange:state"] == [["answers"]]
+    assert timed["/robot"]["StateChange:state"] == [["walking"], ["success"]]
     assert timed["/health/optimizer/refused"]["Scalars:scalars"] == [[0.0]]  # once a second
     assert timed["/health/optimizer/mode"]["TextLog:text"] == [["answers"]]
     texts = [text[0] for text in timed["/events"]["TextLog:text"]]
@@ -190,6 +197,7 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
         "optimizer: a plan was late",
         "the run has ended: success",
     ]
+    assert texts.count("the run has ended: success") == 1  # though it is told until it is heard
 
 
 def test_what_a_tracer_that_died_has_written_is_left_alone(tracing, tmp_path, read_rrd):
@@ -320,6 +328,39 @@ def test_an_episode_that_cannot_be_shown_is_told_and_the_next_one_is(caplog):
     assert opened == ["good"]
     assert caplog.text.count("cannot show a EpisodeInfo") == 1
     assert "no disk" in caplog.text
+
+
+def question(tick, short_run, **settings):
+    config = EpisodeConfig.of(short_run.config["episode"]).planner
+    return Question(
+        *("r", -1, tick, "realtime", 1.0, short_run.estimates[tick], short_run.memories[tick]),
+        *(None, COST.weights, COST.parameters, {**vars(config), **settings}),
+    )
+
+
+def test_a_plan_that_is_there_before_its_state_is_rolled_out_when_that_comes(
+    short_run, tmp_path, read_rrd
+):
+    outputs = Outputs("r", RrdFile(tmp_path / "a.rrd", pytest.fail))
+
+    def open_logger(told):
+        config = EpisodeConfig.of(short_run.config["episode"])
+        return RunLogger(outputs, load_task(config.task), config, distributed=True)
+
+    with outputs:
+        tracer = Tracer(open_logger, tmp_path)
+        tracer.show(info())
+        tracer.show(State("r", 0, short_run.states[0]))
+        plan = list(reports(short_run))[1]  # due at tick 2
+        tracer.show(question(1, short_run))
+        tracer.show(PlanMessage.of("r", plan))
+        tracer.show(question(3, short_run, nodes=7))  # the state at tick 2 was not heard
+        tracer.show(question(4, short_run))
+        tracer.flush()
+    timed = read_rrd(tmp_path / "a.rrd").timed
+    ways = timed["/world/plan/way/base"]["sim_time"]
+    assert [round(time.total_seconds() / 0.02) for time in ways] == [3]
+    assert "/charts/knots/lines" not in timed  # the plan is of other settings by now
 
 
 @pytest.mark.parametrize("tracing", [{"viewer": "web"}], indirect=True)

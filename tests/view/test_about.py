@@ -17,7 +17,7 @@ from sumo_dist.view import about
 )
 def test_it_names_what_there_is(name, said):
     task = load_task(name)
-    text = about.scene(task, EpisodeConfig(name)).lower()
+    text = about.scene(task, EpisodeConfig(name), "").lower()
     assert name in text
     for words in said:
         assert words.lower() in text
@@ -25,8 +25,14 @@ def test_it_names_what_there_is(name, said):
 
 
 def test_every_object_is_named(two_objects):
-    text = about.scene(two_objects, EpisodeConfig("spot/move_box"))
+    text = about.scene(two_objects, EpisodeConfig("spot/move_box"), "")
+    assert "not drawn" not in text
     assert "the way of robot and object and cone so far" in text
+
+
+def test_it_says_what_is_not_drawn(move_box):
+    text = about.scene(move_box, EpisodeConfig("spot/move_box"), "skin (1)")
+    assert "not drawn: skin (1)" in text
 
 
 def test_what_the_viewer_has_no_letters_for_is_replaced():

@@ -5,15 +5,19 @@ import time
 import urllib.error
 import urllib.request
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import ClassVar
 
 import pytest
 
-from sumo_dist.view.page import POLICY, PageServer
-from sumo_dist.view.viewers import free_port
+from sumo_dist.view.page import PAGE, POLICY, PROGRAM, SLOWLY_AND_STREAMED, PageServer
+from sumo_dist.view.viewers import Viewer, free_port
 
 
 class _Files(BaseHTTPRequestHandler):
+    asked: ClassVar[list[str]] = []
+
     def do_GET(self):
+        self.asked.append(self.path)
         if self.path != "/app.wasm":
             self.send_error(404)
             return
@@ -32,8 +36,8 @@ def test_a_file_comes_with_a_policy_when_its_server_is_up():
     def serve_late():
         time.sleep(0.3)
         with HTTPServer(("127.0.0.1", inner), _Files) as server:
-            server.handle_request()
-            server.handle_request()
+            for _ in range(3):  # the viewer's program is fetched unasked
+                server.handle_request()
 
     thread = threading.Thread(target=serve_late)
     thread.start()
@@ -43,8 +47,28 @@ def test_a_file_comes_with_a_policy_when_its_server_is_up():
             assert response.read() == b"\0asm"
             assert response.headers["Content-Type"] == "application/wasm"
             assert response.headers["Content-Security-Policy"] == POLICY
+            tag = response.headers["ETag"]
+        again = urllib.request.Request(f"{root}/app.wasm", headers={"If-None-Match": tag})
+        with pytest.raises(urllib.error.HTTPError, match="304"):  # it is at hand in the browser
+            urllib.request.urlopen(again, timeout=30)
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(f"{root}/none", timeout=30)
     thread.join()
+    assert sorted(_Files.asked) == sorted(["/app.wasm", "/none", PROGRAM])  # each once
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(f"{root}/app.wasm", timeout=2)
+
+
+def test_the_viewers_program_is_compiled_while_it_comes():
+    """Rerun's page is still the one that this is about, and asks for it in the other way."""
+    with Viewer("web", "rerun+http://127.0.0.1:9/proxy") as viewer:
+        root = f"http://127.0.0.1:{viewer.port}"
+        with urllib.request.urlopen(root + PAGE, timeout=30) as response:
+            page = response.read()
+        slowly, streamed = SLOWLY_AND_STREAMED
+        assert page.count(streamed) == 1
+        assert slowly not in page
+        assert b"delete WebAssembly" not in page
+        with urllib.request.urlopen(root + PROGRAM, timeout=30) as response:
+            assert response.headers["Content-Type"] == "application/wasm"
+            assert response.read(4) == b"\0asm"

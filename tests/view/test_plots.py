@@ -12,7 +12,7 @@ from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks import load_task, task_names
 from sumo_dist.view.outputs import Outputs
-from sumo_dist.view.plots import PlotLog, plots
+from sumo_dist.view.plots import AGE_MS, FLEET, PlotLog, plots
 from sumo_dist.view.rrd_file import RrdFile
 
 PLAN = Plan(0, 0, np.zeros((4, 2), np.float32), 1.5, "linear")
@@ -28,7 +28,7 @@ def report(task, costs, terms, plan_ms=20.0):
 
 def logged(task, path, read_rrd, fill):
     with Outputs("test", RrdFile(path, pytest.fail)) as out:
-        log = PlotLog(out, task, distributed=False)
+        log = PlotLog(out, task, plots(task, True, ()))
         fill(log)
         log.flush()
     return read_rrd(path)
@@ -40,7 +40,7 @@ def test_every_task_shows_its_progress_and_where_it_is_solved(name, tmp_path, re
     view = Referee(task, compile_model(task.scene, PLANT)).view(draw_start(task, 1))
     goal = task.goal_position(view.p)
     rrd = logged(task, tmp_path / "a.rrd", read_rrd, lambda log: log.add_state(0, view, goal))
-    shown = [plot for plot in plots(task, False) if plot.origin.startswith("progress/")]
+    shown = plots(task, False, ()).progress
     values = [rrd.timed[f"/plots/{plot.origin}"]["Scalars:scalars"][0] for plot in shown]
     assert all(len(value) == 2 and value[1] > 0 for value in values)  # and its limit
     assert not all(value < limit for value, limit in values)  # no start is solved
@@ -57,7 +57,7 @@ def test_an_upright_task_shows_the_angle_to_upright(tmp_path, read_rrd):
     tilt, limit = rrd.timed["/plots/progress/0"]["Scalars:scalars"][0]
     assert tilt == pytest.approx(np.arccos(view.object.z[0, 0, 2]))
     assert limit == task.table.named(referee.parameters).success_tilt
-    assert plots(task, False)[0].title == "Object's tilt [rad]"
+    assert plots(task, False, ()).progress[0].title == "Object's tilt [rad]"
 
 
 def test_a_task_whose_test_is_a_function_shows_goal_and_test(move_box, tmp_path, read_rrd):
@@ -103,11 +103,30 @@ def test_the_budget_is_seen_beside_a_plan_that_is_very_late(
         *(move_box, tmp_path / "a.rrd", read_rrd),
         lambda log: log.add_plan(report(move_box, np.ones(4), [1.0] * 4, took), 50.0),
     )
-    assert rrd.timed["/plots/timing"]["Scalars:scalars"] == [[shown, 0.0, 50.0]]
+    assert rrd.timed["/plots/timing"]["Scalars:scalars"] == [[shown, 1.0, 50.0]]
+
+
+@pytest.mark.parametrize(("age", "shown"), [(40.0, 40.0), (5000.0, 4 * AGE_MS)])
+def test_when_a_plan_is_old_is_seen_beside_one_that_is_very_old(
+    age, shown, move_box, tmp_path, read_rrd
+):
+    rrd = logged(move_box, tmp_path / "a.rrd", read_rrd, lambda log: log.add_age(3, age))
+    assert rrd.timed["/plots/age"]["Scalars:scalars"] == [[shown, AGE_MS]]
+
+
+def test_rollouts_that_came_in_time_are_told_from_those_asked_for(move_box, tmp_path, read_rrd):
+    told = replace(report(move_box, np.ones(8), [1.0] * 4), lost=3, reissued=2)
+    rrd = logged(move_box, tmp_path / "a.rrd", read_rrd, lambda log: log.add_plan(told, 50.0))
+    assert rrd.timed["/plots/rollouts"]["Scalars:scalars"] == [[5.0, 2.0, 8.0]]
 
 
 def test_plots_name_their_lines_and_workers_have_theirs_in_sight(move_box):
-    alone, together = plots(move_box, False), plots(move_box, True)
-    assert [plot.origin for plot in together[len(alone) :]] == ["workers", "pace"]
-    terms = next(plot for plot in alone if plot.origin == "terms")
-    assert terms.lines == tuple(term.name for term in move_box.cost)
+    alone, together = plots(move_box, False, ()), plots(move_box, True, ("robot on floor",))
+    assert not alone.fleet
+    assert together.fleet == FLEET
+    named = {plot.origin: plot.lines for plot in together.tune}
+    assert named["terms"] == tuple(term.name for term in move_box.cost)
+    assert named["off"] == ("base", "gripper", "object")
+    assert named["forces"] == ("robot on floor",)
+    origins = [plot.origin for plot in together.all]
+    assert len(origins) == len(set(origins))

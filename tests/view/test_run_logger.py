@@ -12,7 +12,8 @@ from sumo_dist.tasks.reset import Start
 from sumo_dist.view.marks import ON_FLOOR, way_colors
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.rrd_file import RrdFile
-from sumo_dist.view.run_logger import TRAIL_TICKS, RunLogger
+from sumo_dist.view.run_logger import RunLogger
+from sumo_dist.view.trail_log import TRAIL_TICKS
 
 
 def logged(task, states, path, read_rrd, **config):

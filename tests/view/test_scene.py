@@ -4,7 +4,8 @@ import pytest
 
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.rrd_file import RrdFile
-from sumo_dist.view.scene import SceneLog
+from sumo_dist.view.scene import SceneLog, left_out
+from sumo_dist.view.shapes import TWIN_FACES
 
 XML = """
 <mujoco>
@@ -93,7 +94,11 @@ def test_shapes_have_mujocos_sizes(logged):
     assert np.allclose(second["can"]["Cylinders3D:radii"][0], [0.1])
     assert np.allclose(second["crate"]["Boxes3D:half_sizes"][0], [[0.1, 0.2, 0.3]])
     assert len(second["solid"]["Mesh3D:triangle_indices"][0]) == 4
-    assert len(second["solid"]["Mesh3D:vertex_normals"][0]) == 12
+    solid = second["solid"]
+    corners = np.array(solid["Mesh3D:vertex_positions"][0])[solid["Mesh3D:triangle_indices"][0]]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1)
+    assert sorted(sides.ravel()) == pytest.approx([1.0] * 6 + [np.sqrt(2.0)] * 6)
+    assert len(solid["Mesh3D:vertex_normals"][0]) == len(solid["Mesh3D:vertex_positions"][0])
 
 
 def test_a_capsule_starts_half_its_length_before_the_geoms_centre(logged):
@@ -121,8 +126,8 @@ def drawn(tmp_path, read_rrd):
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
-            scene = SceneLog(out, model, chunk_ticks=1)
-            scene.add(0, data)
+            for twin in (False, True):
+                SceneLog(out, model, 1, twin).add(0, data)
         rrd = read_rrd(tmp_path / "run.rrd")
         return model, rrd.static, rrd.timed.get("/world/poses")
 
@@ -190,3 +195,80 @@ def test_a_large_height_field_is_drawn_in_fewer_lines(drawn):
     points = np.array(entities["/world/fixed/terrain"]["Mesh3D:vertex_positions"][0])
     assert len(points) == 100 * 20
     assert np.ptp(points[:, :2], axis=0) == pytest.approx([6, 4])
+
+
+def test_names_that_clash_have_places_of_their_own(drawn):
+    named = '<body name="body_2"><joint/><geom name="geom_1" size=".1"/></body>'
+    unnamed = '<body pos="1 0 0"><joint/><geom size=".1"/></body>'
+    _, entities, poses = drawn(named + unnamed)
+    frames = {row[0] for row in poses["Transform3D:child_frame"]}
+    assert len(frames) == 2
+    assert len([e for e in entities if e.startswith("/world/bodies")]) == 2
+
+
+def test_what_moves_has_a_twin_in_frames_of_its_own(drawn):
+    hinged = '<body name="door"><joint/><geom name="leaf" type="box" size=".1 .2 .3"/></body>'
+    fixed = '<body name="frame"><geom name="post" type="box" size=".1 .1 .1"/></body>'
+    free = '<body name="crate"><freejoint/><geom name="all" size=".1" group="3"/></body>'
+    _, entities, _ = drawn(hinged + fixed + free)
+    twins = {e.split("/")[-1]: e for e in entities if e.startswith("/world/plan/twin/bodies")}
+    assert twins.keys() == {"leaf", "all"}
+    assert entities[twins["leaf"]]["CoordinateFrame:frame"] == [["plan of door"]]
+    assert np.allclose(entities[twins["leaf"]]["Boxes3D:half_sizes"][0], [[0.1, 0.2, 0.3]])
+
+
+@pytest.mark.parametrize("params", [2, 4])
+def test_the_twin_of_a_large_mesh_is_the_box_around_it(drawn, params):
+    ball = f'<mesh name="ball" builtin="sphere" params="{params}" scale=".3 .3 .3"/>'
+    model, entities, _ = drawn(
+        '<body><freejoint/><geom name="ball" type="mesh" mesh="ball"/></body>', ball
+    )
+    [twin] = [e for name, e in entities.items() if name.startswith("/world/plan/twin/bodies")]
+    assert ("Boxes3D:half_sizes" in twin) == (model.mesh_facenum[0] > TWIN_FACES)
+    if params == 4:
+        assert np.allclose(twin["Boxes3D:half_sizes"][0], [[0.3] * 3], atol=0.01)
+
+
+TEXTURE = """
+<texture name="two" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 0 1" width="8" height="8"/>
+<material name="two" texture="two"/>
+<mesh name="leaf" vertex="0 0 0 1 0 0 0 1 0 0 0 .1" texcoord="0 0 1 0 0 1 1 1"
+  face="0 1 2 0 2 3 0 3 1 1 3 2"/>
+"""
+
+
+def test_a_texture_is_drawn_on_a_mesh_and_tints_what_has_no_place_for_it(drawn):
+    world = """
+    <geom name="leaf" type="mesh" mesh="leaf" material="two"/>
+    <geom name="box" type="box" size=".1 .1 .1" material="two"/>"""
+    _, entities, _ = drawn(world, TEXTURE)
+    leaf, box = (entities[f"/world/fixed/{name}"] for name in ("leaf", "box"))
+    assert len(leaf["Mesh3D:albedo_texture_buffer"][0][0]) == 8 * 8 * 3
+    assert len(leaf["Mesh3D:vertex_texcoords"][0]) == len(leaf["Mesh3D:vertex_positions"][0])
+    assert box["Boxes3D:colors"][0][0] == 0x800080FF  # half red, half blue
+
+
+def test_what_is_clear_is_not_drawn_but_where_nothing_else_is(drawn):
+    shell = '<geom name="shell" size=".2" rgba="1 1 1 0"/>'
+    both = f'<body>{shell}<geom name="core" size=".1" rgba="1 0 0 .5"/></body>'
+    alone = '<body><geom name="ghost" size=".1" rgba="0 1 0 0"/></body>'
+    _, entities, _ = drawn(both + alone)
+    drawn_ = {e.split("/")[-1]: e for e in entities if e.startswith("/world/bodies")}
+    assert drawn_.keys() == {"core", "ghost"}
+    assert entities[drawn_["core"]]["Ellipsoids3D:colors"][0][0] == 0xFF000080
+    assert entities[drawn_["ghost"]]["Ellipsoids3D:colors"][0][0] == 0x00FF00FF
+
+
+def test_a_plane_of_ones_own_has_its_colour(drawn):
+    _, entities, _ = drawn('<geom name="ramp" type="plane" size="1 1 .1" rgba="1 0 0 1"/>')
+    assert entities["/world/fixed/ramp"]["Boxes3D:colors"][0][0] == 0xFF0000FF
+
+
+def test_what_is_left_out_is_named(drawn):
+    hinge = '<body name="b{0}"><joint name="j{0}"/><geom size=".1"/><site name="s{0}"/></body>'
+    text = """<mujoco><worldbody>{}{}</worldbody><tendon>
+    <spatial><site site="s0"/><site site="s1"/></spatial>
+    <fixed><joint joint="j0" coef="1"/></fixed></tendon></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text.format(hinge.format(0), hinge.format(1)))
+    assert left_out(model) == "spatial tendon (1)"
+    assert not left_out(drawn('<geom size=".1"/>')[0])
