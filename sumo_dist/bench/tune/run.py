@@ -1,7 +1,7 @@
 """Runs a search: its episodes, its report, and in the end the winner against the task's own."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sumo_dist.bench.campaign.campaign import Campaign, ending, make_folder
 from sumo_dist.bench.campaign.job import Job, common_settings, place, task_settings
@@ -17,6 +17,7 @@ from sumo_dist.bench.tune.folder import (
     winner_name,
     write,
 )
+from sumo_dist.bench.tune.options import Options
 from sumo_dist.bench.tune.picture import picture
 from sumo_dist.bench.tune.report import Found, text
 from sumo_dist.bench.tune.results import RUNNING, STATES, Tried, best
@@ -29,17 +30,19 @@ from sumo_dist.provenance import cores, provenance
 from sumo_dist.signals import uninterrupted
 from sumo_dist.terminal import say
 
-if TYPE_CHECKING:
-    from sumo_dist.bench.tune.command import Options
-
 
 class Tuning:
     """One search and its folder."""
 
-    def __init__(self, options: "Options", space: Space, request: dict[str, Any]) -> None:
-        """Open the folder, and go on from what is there."""
-        self._options, self._space, self._request = options, space, request
-        self._folder = Folder(options.folder, request)
+    def __init__(self, options: Options, space: Space) -> None:
+        """Open the folder, and go on from what is there.
+
+        Raises:
+            UsageError: the folder holds another search, or something else.
+        """
+        self._options, self._space = options, space
+        self._request = options.request(space)
+        self._folder = Folder(options.folder, self._request)
         found = self._folder.trials
         if found:
             say(f"{self._folder.path} has {_counted(found)}; it goes on")
@@ -78,6 +81,18 @@ class Tuning:
         write(folder / REPORT, text([found], CURVE))
         if winner := best(trials):
             write(folder / WINNER, self._settings_file(winner).toml)
+
+    @property
+    def found(self) -> str:
+        """What there is, in a line."""
+        folder, winner = self._folder.path, best(self._folder.trials)
+        if winner is None:
+            return f"no trial was run to its end; see {folder / REPORT}"
+        return (
+            f"trial {winner.number} solved {winner.solved} of {len(winner.rows)} seeds; how it does "
+            f"on others is in {folder / REPORT}; to use it: sumo-dist run {self._options.task} "
+            f"--settings {folder / WINNER}"
+        )
 
     def _next_job(self) -> Job | None:
         while question := self._search.next():
