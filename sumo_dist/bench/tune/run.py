@@ -89,9 +89,9 @@ class Tuning:
         if winner is None:
             return f"no trial was run to its end; see {folder / REPORT}"
         return (
-            f"trial {winner.number} solved {winner.solved} of {len(winner.rows)} seeds; how it does "
-            f"on others is in {folder / REPORT}; to use it: sumo-dist run {self._options.task} "
-            f"--settings {folder / WINNER}"
+            f"trial {winner.number} solved {winner.solved} of {len(winner.rows)} seeds; how it "
+            f"does on others is in {folder / REPORT}; to use it: "
+            f"sumo-dist run {self._options.task} --settings {folder / WINNER}"
         )
 
     def _next_job(self) -> Job | None:
