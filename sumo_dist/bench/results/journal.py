@@ -84,6 +84,10 @@ class Journal:
         self._file.flush()
         self.rows[self._key(row)] = row
 
+    def close(self) -> None:
+        """Let others write to the file."""
+        self._file.close()
+
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
     """Rows of a journal that somebody may still be writing.

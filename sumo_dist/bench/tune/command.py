@@ -2,7 +2,6 @@
 
 from sumo_dist.bench.tune.options import Options as Options
 from sumo_dist.extras import need
-from sumo_dist.signals import uninterrupted
 from sumo_dist.startup import INTERRUPTED
 from sumo_dist.terminal import say
 
@@ -12,14 +11,14 @@ def main(options: Options) -> int:
     need("tune", "sumo-dist tune")
     from sumo_dist.bench.tune.run import Tuning
 
-    tuning = Tuning(options, options.space())
-    try:
-        tuning.run()
-    except KeyboardInterrupt:
-        say(f"interrupted; all that has ended is in {options.folder}, and the same command goes on")
-        return INTERRUPTED
-    finally:
-        with uninterrupted():
-            tuning.report()
+    with Tuning(options, options.space()) as tuning:
+        try:
+            tuning.run()
+        except KeyboardInterrupt:
+            say(
+                f"interrupted; all that has ended is in {options.folder}, and the same command "
+                "goes on"
+            )
+            return INTERRUPTED
     say(tuning.found)
     return 0

@@ -52,6 +52,10 @@ class Folder:
         """Write an episode through to the disk."""
         self._journal.append(row)
 
+    def close(self) -> None:
+        """Let others go on with it."""
+        self._journal.close()
+
 
 def _key(row: Mapping[str, Any]) -> tuple[int, int]:
     return row["trial"], row["seed"]

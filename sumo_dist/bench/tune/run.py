@@ -1,7 +1,7 @@
 """Runs a search: its episodes, its report, and in the end the winner against the task's own."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 from sumo_dist.bench.campaign.campaign import Campaign, ending, make_folder
 from sumo_dist.bench.campaign.job import Job, common_settings, place, task_settings
@@ -32,7 +32,7 @@ from sumo_dist.terminal import say
 
 
 class Tuning:
-    """One search and its folder."""
+    """One search and its folder; a context manager that writes the report and closes the folder."""
 
     def __init__(self, options: Options, space: Space) -> None:
         """Open the folder, and go on from what is there.
@@ -53,6 +53,14 @@ class Tuning:
         )
         self._about = {"provenance": provenance()}
         self._running = dict[str, Question]()  # by the names of their jobs
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with uninterrupted():
+            self.report()
+            self._folder.close()
 
     def run(self) -> None:
         """Run what is missing, and compare the winner with the task's own values.

@@ -92,7 +92,8 @@ class Space:
         space = cls(task, plain, tuple(found))
         for dimension in found:
             for value in _ends(dimension.range):
-                space.with_values({**space.start, dimension.name: value}).episode(task.source, 0)
+                values = {**space.start, dimension.name: value}
+                space.with_values(values).episode(task.source, 0).cost(task)
         return space
 
     @property

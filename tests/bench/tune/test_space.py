@@ -14,7 +14,7 @@ from sumo_dist.tasks import load_task, task_names
 
 BOX = load_task("spot/move_box")
 
-TASK = '''
+TASK = """
 from dataclasses import replace
 from sumo_dist import CostTerm, Parameter, load_task
 
@@ -25,7 +25,7 @@ def task():
         box, name="spot/leaning", cost=(*box.cost, term),
         parameters=(*box.parameters, Parameter("lean", (0.0, 0.5), "m"), Parameter("slope", 3.0)),
     )
-'''
+"""
 
 
 @pytest.fixture(scope="module")
