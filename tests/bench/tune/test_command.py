@@ -72,7 +72,7 @@ def test_a_killed_search_goes_on_to_the_same_end(searched, walk, tmp_path, capsy
     assert "dropped a last line that was not written to its end" in said
     assert rows(out) == rows(searched)
     assert "--settings" in said and (out / "report.md").exists()
-    assert main(arguments(walk, out)) == 0  # nothing is left to do
+    assert main(arguments(walk, out)) == 0, capsys.readouterr().err  # nothing is left to do
     assert rows(out) == rows(searched)
 
 
