@@ -8,7 +8,7 @@ from typing import Any
 from sumo_dist.bench.campaign.campaign import make_folder
 from sumo_dist.bench.results.journal import Journal, read_rows
 from sumo_dist.bench.tune.results import Row, Tried, tried
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.terminal import say
 
 REQUEST, EPISODES, REPORT, CURVE, WINNER = (
@@ -26,8 +26,8 @@ class Folder:
 
         Args:
             path: of the folder.
-            request: what decides the search, as JSON has it; under "command", and what is written
-                like it, may be other things when it goes on.
+            request: what was asked for, as JSON has it; what is under "decides" must be the same
+                when it goes on.
 
         Raises:
             UsageError: the folder holds another search, or something else, or somebody else's
@@ -104,10 +104,17 @@ def read_held_out(path: Path, winner: Tried) -> tuple[list[Row], list[Row]]:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file of the folder, whole or not at all."""
+    """Write a file of the folder, whole or not at all.
+
+    Raises:
+        SumoError: the disk does not take it.
+    """
     partial = path.with_name(f"{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise SumoError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _check_same(there: Any, here: Any, path: Path, name: str = "") -> None:

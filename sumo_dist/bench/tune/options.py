@@ -33,7 +33,8 @@ class Options(TrialSettings):
         seeds: of each trial, such as 1-4 or 1,3,9.
         first: seeds after which a hopeless trial is given up; as many as there are seeds: never.
         seed: decides what is tried; with one job the same seed tries the same.
-        start: the first trial is the task's own values (own), or drawn as all others (random).
+        start: the first trial is the task's own values, where the ranges have them (own), or drawn
+            as all others (random).
         held_out: seeds on which the winner is compared with the task's own values in the end; none
             leaves that out.
         out: folder of the search, which the same command goes on with; by default one of the task
@@ -115,6 +116,9 @@ class Options(TrialSettings):
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "task" or value == field.default:
+                continue
+            if value is True:
+                words.append(f"--{field.name}")
                 continue
             for one in value if isinstance(value, tuple) else (value,):
                 words += [f"--{field.name.replace('_', '-')}", str(one)]

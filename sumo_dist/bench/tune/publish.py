@@ -40,10 +40,7 @@ def main(options: Options) -> int:
     if len(tasks) > 1:
         raise UsageError(f"these are searches of different tasks: {', '.join(tasks)}")
     image = options.out.with_suffix(".svg")
-    try:
-        write(image, picture(searches))
-        write(options.out, text(searches, image.name))
-    except OSError as error:
-        raise UsageError(f"cannot write {options.out}: {error.strerror}") from None
+    write(image, picture(searches))
+    write(options.out, text(searches, image.name))
     say(f"{options.out} and {image}")
     return 0

@@ -59,8 +59,10 @@ class Tuning:
 
     def __exit__(self, *_: object) -> None:
         with uninterrupted():
-            self.report()
-            self._folder.close()
+            try:
+                self.report()
+            finally:
+                self._folder.close()
 
     def run(self) -> None:
         """Run what is missing, and compare the winner with the task's own values.
