@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sumo_dist.tasks.reset import Reset as Reset
     from sumo_dist.tasks.task import Goal as Goal
     from sumo_dist.tasks.task import Task as Task
+    from sumo_dist.view.inline import film as film
+    from sumo_dist.view.show import show as show
 
 __version__ = "0.1.0"
 
@@ -38,6 +40,8 @@ _HOMES = {
     "sumo_dist.tasks": ("load_task", "task_names"),
     "sumo_dist.tasks.reset": ("OnFloor", "Reset"),
     "sumo_dist.tasks.task": ("Goal", "Task"),
+    "sumo_dist.view.inline": ("film",),
+    "sumo_dist.view.show": ("show",),
 }
 _NAMES = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -49,6 +49,7 @@ class Command(NamedTuple):
 COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
+    "tune": Command("Search weights and settings of a task", "sumo_dist.bench.tune.command"),
     "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
     "stop": Command(
         "Make a running robot sit down at once", "sumo_dist.commands.ctl", "StopOptions", "stop"
@@ -140,6 +141,9 @@ COMMANDS = {
     "bench compare": Command(
         "Say what changed between two suites and whether it matters",
         "sumo_dist.bench.results.compare",
+    ),
+    "bench tune-report": Command(
+        "Put searches of `tune` on a page, side by side", "sumo_dist.bench.tune.publish"
     ),
     "router": Command("Service: connects all others", "sumo_dist.launch.serve", "Router", "router"),
     "robot-interface": Command(

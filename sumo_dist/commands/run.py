@@ -12,11 +12,11 @@ import tyro
 from sumo_dist.episode.assemble import rehearse
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.progress import Progress
+from sumo_dist.episode.settings_file import resolved
 from sumo_dist.episode.summary import has_summary, keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.extras import lacking
 from sumo_dist.model.scene import remarks
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import cores
 from sumo_dist.record.folders import RUNS, last_episode, run_folder
@@ -54,6 +54,8 @@ class Options:
         rrd: write run.rrd with `--viewer none` too; `sumo-dist replay RUN --save` can do so later,
             but has the candidates of a run by services only if they were traced.
         out: folder for summary.json, run.npz and run.rrd; by default a new one below runs/.
+        settings: file of weights, parameters and planner settings, such as `sumo-dist tune` writes;
+            what is said beside it wins.
         set: planner settings as key=value; `sumo-dist list` names all.
         weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
             names all.
@@ -99,6 +101,7 @@ class Options:
     viewer: str = "web"
     rrd: bool = False
     out: Path | None = None
+    settings: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -119,14 +122,18 @@ class Options:
 
     def episode(self) -> EpisodeConfig:
         """Return what decides the run, checked."""
-        of_task = load_task(self.task).planner
-        planner = PlannerConfig.resolve(of_task, self.preset, self.optimizer, self.set)
         return EpisodeConfig(
-            *(self.task, self.seed, planner, self.clock, self.estimator, self.time_limit),
+            self.task,
+            self.seed,
+            **resolved(
+                *(load_task(self.task), self.settings, self.preset, self.optimizer),
+                *(self.set, self.weight, self.param),
+            ),
+            clock=self.clock,
+            estimator=self.estimator,
+            time_limit=self.time_limit,
             engine=self.engine,
             plant=self.plant,
-            weight=self.weight,
-            param=self.param,
         )
 
 

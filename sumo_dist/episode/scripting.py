@@ -7,6 +7,7 @@ from operator import index
 from pathlib import Path
 from typing import Any, Self
 
+import mujoco
 import numpy as np
 
 from sumo_dist.episode.assemble import Episode, draw_start
@@ -67,7 +68,7 @@ def run_episode(
         UsageError: an argument is none of those that are valid, which the message names.
         KeyboardInterrupt: Ctrl-C.
     """
-    found, config = _configured(
+    found, config = configured(
         *(task, seed, planner, weight, param),
         time_limit=time_limit,
         estimator=estimator,
@@ -92,6 +93,7 @@ class MPC:
         tick: ticks so far.
         memory: (nm,) float32, of the low-level policy before this tick.
         plan_now: the plan that is followed, None before the first.
+        report: the account of that plan: its candidates' costs, its terms, how long it took.
         recording: of all that was told and planned; `save` it and `sumo-dist replay` shows it.
     """
 
@@ -111,13 +113,14 @@ class MPC:
         Raises:
             UsageError: an argument is none of those that are valid, which the message names.
         """
-        found, config = _configured(task, seed, planner, weight, param, engine=engine)
+        found, config = configured(task, seed, planner, weight, param, engine=engine)
         self._body, self._began = _Told(), time.perf_counter()
         self._episode = Episode.assemble(config, self._body, found)
         self._planning = LocalPlanning(self._episode.problem, config, _threads(threads))
         self.task, self.model = found, self._episode.problem.model
         self.memory = self._episode.controller.initial_memory()
         self.plan_now: Plan | None = None
+        self.report: PlanReport | None = None
         self.recording = self._episode.recording
 
     def __enter__(self) -> Self:
@@ -145,13 +148,13 @@ class MPC:
         Returns:
             The plan, `.plan.knots` (K, n), with its candidates' `.costs` (B,) and `.terms`.
         """
-        state = self._state(state)
+        state = state_of(self.model, state)
         number = 0 if self.plan_now is None else self.plan_now.number + 1
         request = self._episode.request(number, self.tick, state, self.memory, self.plan_now)
         report = self._planning(request, self._episode.controls.planner)
         self.recording.add_traces(self._planning.traces)
         self.recording.add_plan(report)
-        self.plan_now = report.plan
+        self.plan_now, self.report = report.plan, report
         return report
 
     def step(self, state: np.ndarray) -> np.ndarray:
@@ -166,7 +169,7 @@ class MPC:
         Raises:
             SumoError: the policy's joint targets are not finite.
         """
-        state = self._state(state)
+        state = state_of(self.model, state)
         self._episode.note_tick(state, self.memory)
         planned = self.plan_now is not None and self.plan_now.tick == self.tick
         if self.plan_now is None or (plan_due(self.tick) is not None and not planned):
@@ -185,7 +188,7 @@ class MPC:
         Returns:
             "success", "fell", "timeout", or one of the task's failures; "" while it goes on.
         """
-        state = self._state(state)
+        state = state_of(self.model, state)
         verdict = self._episode.verdict(self.tick, state)
         if verdict is None:
             return ""
@@ -199,7 +202,7 @@ class MPC:
             state: (nq + nv,) from which all rows start, with this tick's `memory`.
             commands: (B, T, nc), a command a tick; `task.actions.commands` makes them of actions.
         """
-        return self._planning.engine.rollout(self._state(state), self.memory, commands)
+        return self._planning.engine.rollout(state_of(self.model, state), self.memory, commands)
 
     def evaluate(self, state: np.ndarray, knots: np.ndarray) -> Evaluation:
         """Roll out candidates of one's own, knots (B, K, n) in [-1, 1], and cost them.
@@ -208,25 +211,31 @@ class MPC:
         evaluation has each candidate's terms; `.costs(weights)` are its total costs (B,).
         """
         parameters = self._episode.controls.cost.parameters
-        return self._planning.evaluator(self._state(state), self.memory, parameters, knots)
+        return self._planning.evaluator(state_of(self.model, state), self.memory, parameters, knots)
 
     @property
     def weights(self) -> np.ndarray:
         """Weights of the cost terms, (n_terms,), in the order of `task.cost`."""
         return self._episode.controls.cost.weights
 
-    def _state(self, state: np.ndarray) -> np.ndarray:
-        size = self.model.nq + self.model.nv
-        try:
-            numbers = np.array(state, np.float64)
-        except (TypeError, ValueError):
-            raise UsageError(f"state must be ({size},) numbers, got {state!r}") from None
-        if numbers.shape != (size,) or not np.isfinite(numbers).all():
-            raise UsageError(
-                f"state must be ({size},) finite numbers, {self.model.nq} of qpos and "
-                f"{self.model.nv} of qvel, got shape {numbers.shape}"
-            )
-        return numbers
+
+def state_of(model: mujoco.MjModel, state: np.ndarray) -> np.ndarray:
+    """Return a copy of what a caller gives as a state (nq + nv,) of a model.
+
+    Raises:
+        UsageError: it is none.
+    """
+    size = model.nq + model.nv
+    try:
+        numbers = np.array(state, np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(f"state must be ({size},) numbers, got {state!r}") from None
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise UsageError(
+            f"state must be ({size},) finite numbers, {model.nq} of qpos and {model.nv} of qvel, "
+            f"got shape {numbers.shape}"
+        )
+    return numbers
 
 
 @dataclass
@@ -251,7 +260,7 @@ class _Told:
         self.tick += 1
 
 
-def _configured(
+def configured(
     task: Task | str | Path,
     seed: int,
     planner: Mapping[str, Any] | None,

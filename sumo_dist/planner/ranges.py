@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from sumo_dist.costs.table import CostSettings
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.settings import SETTINGS
 from sumo_dist.tasks.task import Task
@@ -49,22 +50,32 @@ class Range:
     about: str = ""
 
 
-def weight_ranges(task: Task) -> dict[str, Range]:
+def weight_ranges(task: Task, now: CostSettings | None = None) -> dict[str, Range]:
     """Return a range for each weight: a factor up and down, on a log scale.
 
     A weight of 0 has no factor: it goes from 0 to 10.
+
+    Args:
+        task: whose weights they are.
+        now: what they are; by default the task's own.
     """
+    weights = (now or task.table.defaults).weights.tolist()
     return {
-        term.name: _of_weight(term.name, float(term.weight), f"weight of {term.name}")
-        for term in task.cost
+        name: _of_weight(name, weight, f"weight of {name}")
+        for name, weight in zip(task.table.terms, weights, strict=True)
     }
 
 
-def parameter_ranges(task: Task) -> dict[str, tuple[Range, ...]]:
-    """Return the ranges of each parameter, one a number; an open end is put near the default."""
-    found = {}
+def parameter_ranges(task: Task, now: CostSettings | None = None) -> dict[str, tuple[Range, ...]]:
+    """Return the ranges of each parameter, one a number; an open end is put near what it is.
+
+    Args:
+        task: whose parameters they are.
+        now: what they are; by default the task's own.
+    """
+    found, named = {}, task.table.named((now or task.table.defaults).parameters)
     for name, parameter in task.table.parameters.items():
-        numbers = parameter.checked(parameter.default).tolist()
+        numbers = parameter.checked(getattr(named, name)).tolist()
         found[name] = tuple(
             Range(
                 name=name,

@@ -26,6 +26,7 @@ ROOMS = (
         "bench",
         "bench.results",
         "bench.campaign",
+        "bench.tune",
         "faults",
         "bench.measure",
     ),

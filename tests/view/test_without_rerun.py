@@ -3,6 +3,7 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
+import sumo_dist
 from sumo_dist import extras
 from sumo_dist.errors import SumoError
 from sumo_dist.services.tracer import TracerOptions, run
@@ -29,6 +30,8 @@ def test_without_an_extra_the_error_names_it(light, short_run, tmp_path):
         replay.show(short_run, "web")
     with pytest.raises(SumoError, match=view):
         replay.show_file(tmp_path / "run.rrd", "web")
+    with pytest.raises(SumoError, match=view):
+        sumo_dist.show("spot/move_box")
     with pytest.raises(SumoError, match=view):
         run(TracerOptions(), threading.Event())
     with pytest.raises(SumoError, match=NEEDS.format("imageio, which.*", "film")):

@@ -3,24 +3,22 @@
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from sumo_dist.bench.campaign.job import Job, Row, common_settings, place, run_trial, task_settings
-from sumo_dist.bench.campaign.processes import processes
-from sumo_dist.bench.campaign.remote import remote_workers
+from sumo_dist.bench.campaign.job import Job, Row, common_settings, place, task_settings
+from sumo_dist.bench.campaign.remote import trial_runners
 from sumo_dist.bench.layout import check_at_least
 from sumo_dist.bench.results.journal import Journal, Trial
 from sumo_dist.bench.results.outcomes import recording_folder
 from sumo_dist.bench.results.suites import SUITES
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
+from sumo_dist.episode.settings_file import resolved
 from sumo_dist.errors import SumoError, TaskError, UsageError, unknown
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores, provenance
 from sumo_dist.services.router import RouterOptions
 from sumo_dist.tasks import load_task, task_names
@@ -28,14 +26,14 @@ from sumo_dist.terminal import say
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Options of every bench that runs trials.
+class TrialSettings:
+    """Options of whatever runs trials: what decides them but task and seed, and who runs them.
 
     Attributes:
-        trials: seeds per task.
-        seed0: the first seed.
         preset: the planner's settings to start from: default or paper.
         optimizer: one of those of `sumo-dist list`; by default the preset's.
+        settings: file of weights, parameters and planner settings, such as `sumo-dist tune` writes;
+            what is said beside it wins.
         set: planner settings as key=value; `sumo-dist list` names all.
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
@@ -50,10 +48,9 @@ class Settings:
         param: the tasks' parameters, such as goal=1,0.
     """
 
-    trials: int = 20
-    seed0: int = 1
     preset: str = "default"
     optimizer: str | None = None
+    settings: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
     time_limit: float | None = None
@@ -67,7 +64,6 @@ class Settings:
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
 
     def __post_init__(self) -> None:
-        check_at_least(1, trials=self.trials)
         check_at_least(1 if self.listen is None else 0, jobs=self.jobs)
         _ = self.router  # its checks are these options', too
 
@@ -78,31 +74,49 @@ class Settings:
             return None
         return RouterOptions(self.listen, keys=self.keys, insecure=self.insecure)
 
-    @property
-    def seeds(self) -> range:
-        """The seeds of every task."""
-        return range(self.seed0, self.seed0 + self.trials)
-
     def episode(self, task: str, seed: int) -> EpisodeConfig:
         """Return what decides a trial, checked."""
         return EpisodeConfig(
             task,
             seed,
-            PlannerConfig.resolve(load_task(task).planner, self.preset, self.optimizer, self.set),
+            **resolved(
+                *(load_task(task), self.settings, self.preset, self.optimizer),
+                *(self.set, self.weight, self.param),
+            ),
             estimator=self.estimator,
             time_limit=self.time_limit,
             engine=self.engine,
             plant=self.plant,
-            weight=self.weight,
-            param=self.param,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(TrialSettings):
+    """Options of every bench that runs trials.
+
+    Attributes:
+        trials: seeds per task.
+        seed0: the first seed.
+    """
+
+    trials: int = 20
+    seed0: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_at_least(1, trials=self.trials)
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of every task."""
+        return range(self.seed0, self.seed0 + self.trials)
 
 
 class Campaign:
     """Runs trials of some tasks and keeps their rows in a journal."""
 
     def __init__(
-        self, settings: Settings, trials: Sequence[Trial], path: Path, name: str = ""
+        self, settings: TrialSettings, trials: Sequence[Trial], path: Path, name: str = ""
     ) -> None:
         """Check everything that can be wrong before hours are spent, and read what is done.
 
@@ -171,7 +185,7 @@ class Campaign:
 
     def _note(self, job: Job, row: Row) -> None:
         self._journal.append(row)
-        say(f"{place(job)}: {_ending(row)}")
+        say(f"{place(job)}: {ending(row)}")
 
     def record(self, trials: Iterable[Trial], recordings: Path) -> None:
         """Run finished trials again for the recordings that are not there yet.
@@ -211,14 +225,10 @@ class Campaign:
 
     def _run_each(self, todo: Sequence[Job]) -> Iterable[tuple[Job, Row]]:
         """Yield jobs with their rows; recordings are made here, where their folder is."""
-        remote = self._router is not None and todo and not any(job.folder for job in todo)
         began, died, refused = time.monotonic(), 0, list[TaskError]()
-        with ExitStack() as stack:
-            jobs = self._jobs if remote else max(1, self._jobs)
-            runners = stack.enter_context(processes(run_trial, jobs))
-            if remote and self._router is not None:
-                build = self._common["engine_build"]
-                stack.enter_context(remote_workers(self._router, build, runners, say))
+        router = None if any(job.folder for job in todo) else self._router
+        build = self._common["engine_build"]
+        with trial_runners(self._jobs, router if todo else None, build) as runners:
             for number, (job, row) in enumerate(runners.run_each(todo), 1):
                 left = (time.monotonic() - began) / number * (len(todo) - number)
                 sys.stderr.write(f"[{number}/{len(todo)}, {left / 60:.0f} min left] ")
@@ -263,7 +273,8 @@ def make_folder(out: Path) -> None:
         raise UsageError(f"cannot write to {out}: {error.strerror}") from None
 
 
-def _ending(row: Row) -> str:
+def ending(row: Row) -> str:
+    """Say how a trial ended."""
     distance = row["final_goal_distance_m"]
     left_off = f", object {distance:.2f} m from its goal" if distance is not None else ""
     return f"{row['end_reason']} at {row['robot_time_s']:.1f} s{left_off}"

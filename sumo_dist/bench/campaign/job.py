@@ -1,5 +1,6 @@
 """One trial of a campaign: an episode, and the row that the journal gets of it."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -63,18 +64,19 @@ def run_alone(question: tuple[str, str]) -> Row:
 
 
 def run_trial(job: Job) -> Row:
-    """Run one episode in this process and return its row.
+    """Run one episode in this process and return its row, with its CPU time.
 
     Raises:
         TaskError: the task does not load; whatever else of it raises is how the trial ended.
     """
-    standing = job.trial.variant == STANDING
+    standing, began = job.trial.variant == STANDING, time.process_time()
     try:
         run = run_standing(job.episode) if standing else run_single(job.episode, threads=1)
     except TaskError as error:
         run = _not_begun(job.episode, error)
     recording, ending = run
     row = {**summarise(recording, ending), **job.settings, **outcome(job.episode, recording)}
+    row["cpu_s"] = round(time.process_time() - began, 3)
     if standing:
         row["optimizer"] = "stand"
     if job.digest not in (None, row["state_digest"]):

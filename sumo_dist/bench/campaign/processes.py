@@ -46,19 +46,35 @@ class Runners(Generic[J]):
 
         A TaskError of a job is its result: other tasks go on. Any other SumoError is raised here.
         """
-        waiting, running = deque(jobs), 0
-        while waiting or running:
-            while waiting and self._free:
-                work = self._free.pop(), waiting.popleft()
+        waiting = deque(jobs)
+        if waiting:
+            yield from self.run_asked(lambda: waiting.popleft() if waiting else None)
+
+    def run_asked(self, next_job: Callable[[], J | None]) -> Iterator[tuple[J, Any]]:
+        """Yield jobs with their results as they end, where a job may follow from results.
+
+        Args:
+            next_job: is asked whenever somebody is free; None says that there is no job now, and,
+                if none is running either, that there will be none.
+        """
+        lost, running = deque[J](), 0
+        while True:
+            while self._free:
+                job = lost.popleft() if lost else next_job()
+                if job is None:
+                    break
+                work = self._free.pop(), job
                 threading.Thread(target=self._work, args=work, daemon=True).start()
                 running += 1
+            if self._free and not running:
+                return
             runner, job, result = self._news.get()
             if job is None:
                 self._free.append(runner)
                 continue
             running -= 1
             if isinstance(result, JobLost):
-                waiting.appendleft(job)
+                lost.append(job)
                 continue
             if isinstance(result, Exception) and not isinstance(result, TaskError):
                 raise result

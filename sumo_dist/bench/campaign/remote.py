@@ -10,11 +10,12 @@ from dataclasses import replace
 from queue import Empty
 from typing import Any
 
-from sumo_dist.bench.campaign.job import Job
-from sumo_dist.bench.campaign.processes import JobLost, Runners
+from sumo_dist.bench.campaign.job import Job, run_trial
+from sumo_dist.bench.campaign.processes import JobLost, Runners, processes
 from sumo_dist.dispatch.workers import misfit
 from sumo_dist.launch.launcher import dialled, listening
 from sumo_dist.services.router import RouterOptions, opened, revoked_by
+from sumo_dist.terminal import say
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.keys import Member
 from sumo_dist.wire.notices import TrialReply, TrialRequest
@@ -26,6 +27,23 @@ RESEND_S = 1.0  # until a request that is not answered is sent again
 
 Row = dict[str, Any]
 Tell = Callable[[str], None]
+
+
+@contextmanager
+def trial_runners(jobs: int, router: RouterOptions | None, build: str) -> Iterator[Runners[Job]]:
+    """Yield who runs trials: processes of this machine, and workers of others.
+
+    Args:
+        jobs: processes; without a router at least one.
+        router: where to listen for workers, if any are wanted.
+        build: engine build that workers must have.
+    """
+    with processes(run_trial, jobs if router else max(1, jobs)) as runners:
+        if router is None:
+            yield runners
+            return
+        with remote_workers(router, build, runners, say):
+            yield runners
 
 
 @contextmanager

@@ -40,14 +40,15 @@ class Journal:
 
     Attributes:
         path: of the file.
-        rows: of every trial in the file.
+        rows: of every trial in the file, by their keys.
     """
 
     def __init__(
         self,
         path: Path,
-        settings: Callable[[Trial], Mapping[str, Any]],
+        settings: Callable[[Any], Mapping[str, Any]],
         tell: Callable[[str], None],
+        key: Callable[[Mapping[str, Any]], Any] = Trial.of,
     ) -> None:
         """Read what is there; a last line that a kill tore is dropped, and `tell` hears of it.
 
@@ -55,12 +56,13 @@ class Journal:
             path: the file, made if there is none.
             settings: keys and values that the row of a trial must have.
             tell: takes notices.
+            key: tells rows apart, by default whose trial they are.
 
         Raises:
             UsageError: the file is something else, or was made with other settings, or another
                 campaign writes to it.
         """
-        self.path = path
+        self.path, self._key = path, key
         try:
             self._file = _locked(path)
             text = path.read_text(encoding="utf-8")
@@ -69,7 +71,7 @@ class Journal:
         whole, newline, torn = text.rpartition("\n")
         if not torn.startswith(_BEGINNING[: len(torn)]):
             raise _not_ours(path)
-        self.rows: dict[Trial, dict[str, Any]] = {Trial.of(r): r for r in _parse(whole, path)}
+        self.rows: dict[Any, dict[str, Any]] = {key(row): row for row in _parse(whole, path)}
         for trial, row in self.rows.items():
             _check(row, settings(trial), path)
         if torn:
@@ -80,7 +82,11 @@ class Journal:
         """Write a trial through to the file."""
         self._file.write(json.dumps(row, allow_nan=False) + "\n")
         self._file.flush()
-        self.rows[Trial.of(row)] = row
+        self.rows[self._key(row)] = row
+
+    def close(self) -> None:
+        """Let others write to the file."""
+        self._file.close()
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
