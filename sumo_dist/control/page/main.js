@@ -6,7 +6,7 @@ import { Bars, Fleet, Header } from "./gauges.js";
 import { Line, newest } from "./line.js";
 
 const DRAG_MS = 150; // between two places of a goal that is being dragged
-const STATE_S = 1.0; // a state that is older than this is told
+const STATE_S = 3.0; // a state that is older than this is told
 
 const by = (id) => document.getElementById(id);
 const pending = new Pending();
