@@ -73,7 +73,7 @@ class Episode:
         task = task or load_task(config.task)
         problem = Problem.build(task, planning_options(config.planner))
         body = body or make_plant(config, task)
-        about = config.describe(problem, engine_identity(config.engine)[0])
+        about = config.describe(problem, engine_identity(config.engine))
         recording = Recording(about, model=saved(compile_model(task.scene, PLANT)))
 
         def send(targets: np.ndarray) -> None:

@@ -101,17 +101,19 @@ class EpisodeConfig:
         given["planner"] = PlannerConfig.from_settings(given["planner"])
         return cls(**given)
 
-    def describe(self, problem: Problem, engine: str) -> dict[str, Any]:
-        """Return the resolved config for the recording; `engine` names the one in use."""
+    def describe(self, problem: Problem, engine: tuple[str, str]) -> dict[str, Any]:
+        """Return the resolved config for the recording, with the engine's name and build."""
         table = problem.task.table
         return {
             "episode": asdict(self),
             "task_name": problem.task.name,
             "task": description(problem.task),
             "robot": problem.task.scene.robot.name,
-            "engine": engine,
+            "engine": engine[0],
+            "engine_build": engine[1],
             "plant_profile": asdict(plant_profile(self.plant)),
             "task_hash": problem.hash,
+            "hashes": problem.hashes,
             "config_hash": self.planner.hash(problem.hash),
             "terms": list(table.terms),
             "parameters": {name: p.default for name, p in table.parameters.items()},

@@ -16,7 +16,13 @@ from sumo_dist.rollout.interface import Engine
 
 
 class LocalPlanning:
-    """Plans with rollouts in this process and reports on each plan; a context manager."""
+    """Plans with rollouts in this process and reports on each plan; a context manager.
+
+    Attributes:
+        seed: of the noise from the next plan on; at first the episode's.
+        traces: candidates' paths of the newest plan, see `Evaluation.traces`.
+        cpu_ms: that the newest plan took, of all threads of this process [ms].
+    """
 
     def __init__(self, problem: Problem, config: EpisodeConfig, threads: int) -> None:
         """Plan for an episode's problem; settings may change from plan to plan."""
@@ -24,8 +30,9 @@ class LocalPlanning:
         self._planner: Planner | None = None
         self._engine: Engine | None = None
         self._rollout_s = 0.0
-        self.traces = np.empty(0, np.float32)  # of the newest plan: see Evaluation.traces
-        self.cpu_ms = 0.0  # that the newest plan took, of all threads of this process
+        self.seed = self._seeded = config.seed
+        self.traces = np.empty(0, np.float32)
+        self.cpu_ms = 0.0
 
     def __enter__(self) -> Self:
         self._turn_to(self._config.planner)
@@ -67,7 +74,8 @@ class LocalPlanning:
 
     def _turn_to(self, settings: PlannerConfig) -> Planner:
         """Return the planner of some settings; only another model needs another engine."""
-        if self._planner is not None and self._planner.config == settings:
+        same_seed = self.seed == self._seeded
+        if self._planner is not None and self._planner.config == settings and same_seed:
             return self._planner
         options = planning_options(settings)
         if self._engine is None or options != self._options:
@@ -78,7 +86,8 @@ class LocalPlanning:
             self._options = options
         self._evaluator = Evaluator(self._problem, self._engine, settings)
         guide = make_guide(self._problem, settings)
-        self._planner = Planner(settings, self._problem.task.actions, self._config.seed, guide)
+        self._planner = Planner(settings, self._problem.task.actions, self.seed, guide)
+        self._seeded = self.seed
         return self._planner
 
     def _close(self) -> None:

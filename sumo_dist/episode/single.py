@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from sumo_dist.episode.assemble import Episode
-from sumo_dist.episode.command import Nobody, Operator, Repeater
+from sumo_dist.episode.command import Nobody, Operator
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End, Ending, fault
 from sumo_dist.episode.local import LocalPlanning
@@ -41,15 +41,21 @@ def run_single(
         raise UsageError("the realtime clock plans asynchronously: it needs at least one worker")
     episode = Episode.assemble(config, task=task)
     with LocalPlanning(episode.problem, config, threads) as planning:
-
-        def make_plan(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
-            report = planning(request, planner)
-            episode.recording.add_traces(planning.traces)
-            episode.recording.plan_cpu_ms.append(planning.cpu_ms)
-            on_plan(report)
-            return report
-
+        make_plan = recorded(planning, episode.recording, on_plan)
         return episode.recording, run_planned(episode, make_plan, operator or Nobody())
+
+
+def recorded(planning: LocalPlanning, recording: Recording, on_plan: OnPlan) -> MakePlan:
+    """Return what plans, and records what only the planning process knows of a plan."""
+
+    def make_plan(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
+        report = planning(request, planner)
+        recording.add_traces(planning.traces)
+        recording.plan_cpu_ms.append(planning.cpu_ms)
+        on_plan(report)
+        return report
+
+    return make_plan
 
 
 def run_planned(episode: Episode, make_plan: MakePlan, operator: Operator) -> Ending:
@@ -66,20 +72,3 @@ def run_planned(episode: Episode, make_plan: MakePlan, operator: Operator) -> En
     except SumoError as error:
         ending = fault(error)
     return episode.finish(ending, began)
-
-
-def repeat(recording: Recording, threads: int = 1) -> Recording:
-    """Run a recorded lockstep episode again, with the commands that it was given.
-
-    Raises:
-        UsageError: it was a realtime episode: when its plans came, no recording can repeat.
-    """
-    config = EpisodeConfig.of(recording.config.get("episode"))
-    if config.clock != "lockstep":
-        raise UsageError("only lockstep episodes repeat: in realtime, plans came when they came")
-    interrupted = recording.ending == End.INTERRUPTED.value
-    last_tick = len(recording.states) - 1 if interrupted else None
-    again, _ = run_single(config, threads, operator=Repeater(recording.operator, last_tick))
-    if interrupted:  # somewhere in its last tick
-        again.cut(len(recording.states), len(recording.plan_numbers))
-    return again

@@ -51,6 +51,12 @@ class Problem:
         layout = ViewLayout(model, task.frames)
         return cls(task, model, policy, layout, _hash(task, model, policy))
 
+    @property
+    def hashes(self) -> dict[str, str]:
+        """Hashes of what `hash` is made of, by name: they tell what of a task has changed."""
+        parts, packages = _parts(self.task, self.model, self.policy)
+        return {name: fingerprint(part, packages)[:16] for name, part in parts.items()}
+
     def engine(
         self, threads: int, kind: str = "auto", variations: Sequence[Variation] = ()
     ) -> Engine:
@@ -69,6 +75,12 @@ def planning_options(config: PlannerConfig) -> ModelOptions:
 
 
 def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
+    parts, packages = _parts(task, model, policy)
+    return fingerprint(tuple(parts.values()), packages)[:16]
+
+
+def _parts(task: Task, model: mujoco.MjModel, policy: Policy) -> tuple[dict[str, object], set[str]]:
+    """Return all that a task computes, by name, and packages whose sources count."""
     compiled = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
     terms = [(term.name, term.residual, term.reduction) for term in task.cost]
@@ -76,8 +88,13 @@ def _hash(task: Task, model: mujoco.MjModel, policy: Policy) -> str:
     planning = terms, parameters, task.frames, task.actions, task.controller
     episode = task.reset, task.success, task.failure, task.success_hold, task.time_limit
     packages = {_package(term.residual) for term in task.cost}  # of a task that is installed
-    parts = compiled, policy.contract.weights_sha256, planning, episode
-    return fingerprint(parts, packages)[:16]
+    parts = {
+        "model": compiled,
+        "policy": policy.contract.weights_sha256,
+        "cost": planning,
+        "episode": episode,
+    }
+    return parts, packages
 
 
 def _package(function: object) -> str:

@@ -48,7 +48,7 @@ class Recording:
         terms: per plan, (n_terms,) weighted costs of the unperturbed candidate.
         weights, parameters: per plan, (n_terms,) and (n,), that it was made with.
         traces: per plan, (B, F, P, 3) candidate paths, as many as costs; empty in a distributed
-            run, whose tracer writes them to the .rrd.
+            run, whose tracer writes them to the .rrd, and nan for plans that were taken from one.
         plan_cpu_ms: per plan, CPU time of all threads of the process [ms]; empty in a distributed
             run, and in recordings of older versions.
         late_ms: per command of the policy in realtime, wall time from its tick to the command [ms].
@@ -113,6 +113,10 @@ class Recording:
     def add_traces(self, traces: np.ndarray) -> None:
         """Append the candidates' paths of one plan."""
         self.traces.append(self._fitted(traces, 0.0))
+
+    def seen(self, plan: int) -> bool:
+        """Whether the candidates' paths of a plan, by its row, are here."""
+        return plan < len(self.traces) and not bool(np.isnan(self.traces[plan]).all())
 
     def drop_unfinished(self) -> None:
         """Drop a tick or a plan of which an interrupt let only a part be appended."""

@@ -5,7 +5,7 @@ needed to show it: MuJoCo's own binary of the model, which is exact and some 20 
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, NoReturn, TypeVar
 
@@ -102,16 +102,37 @@ def unchanged_task(recording: Recording) -> Task:
     try:
         task = load_task(source)
         options = planning_options(PlannerConfig.from_settings(config["episode"]["planner"]))
-        found = Problem.build(task, options).hash
+        problem = Problem.build(task, options)
     except SumoError as error:
         raise UsageError(f"the task of this recording is not here as it was: {error}") from None
-    if found != config["task_hash"]:
+    if problem.hash != config["task_hash"]:
+        then = config.get("hashes", {})
+        parts = [_PARTS[name] for name, now in problem.hashes.items() if then.get(name, now) != now]
+        what = f" ({'; '.join(parts)})" if parts else ""
         raise UsageError(
             f"{source} has changed since this run: its hash was {config['task_hash']} and is "
-            f"{found} now; bring back the task's files, and the sumo-dist of then "
+            f"{problem.hash} now{what}; bring back the task's files, and the sumo-dist of then "
             f"({config['versions']['sumo-dist']})"
         )
     return task
+
+
+_PARTS = {
+    "model": "another model: objects, robot or scene",
+    "policy": "other weights of the low-level policy",
+    "cost": "other cost terms, parameters, frames or actions",
+    "episode": "another reset, success or failure test or time limit",
+}
+
+
+def changed_versions(recording: Recording, names: Sequence[str] = ()) -> list[str]:
+    """Say which versions of what decides a run's bits were others, of some packages or of all."""
+    made, here = recording.config["versions"], versions()
+    return [
+        f"{name} was {made[name]} and is {now} now"
+        for name, now in here.items()
+        if (not names or name in names) and made.get(name, now) != now
+    ]
 
 
 def description(task: Task) -> dict[str, Any]:

@@ -49,6 +49,7 @@ def layout(
     plots: Plots,
     live: bool,
     first: Layout = "drive",
+    also: Sequence[Plot] = (),
 ) -> rrb.Blueprint:
     """Arrange the views.
 
@@ -59,10 +60,13 @@ def layout(
         plots: that there are.
         live: the run goes on: the viewer follows it; else it plays from the start.
         first: which tab is open at first.
+        also: plots of a tab before all others, which is open instead.
     """
     tabs = [_drive(eye, movers, plots), _tune(above, plots)]
     if plots.fleet:
         tabs.append(_fleet(plots))
+    if also:
+        tabs, first = [_futures(eye, movers, also), *tabs], "futures"
     names = [str(tab.name) for tab in tabs]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, _words(), active_tab=names.index(first) if first in names else 0),
@@ -87,6 +91,14 @@ def _drive(eye: Eye, movers: Sequence[str], plots: Plots) -> rrb.Vertical:
         row_shares=[7, 62, 17, 15],
         name="drive",
     )
+
+
+def _futures(eye: Eye, movers: Sequence[str], shown: Sequence[Plot]) -> rrb.Vertical:
+    """How does another future do beside the recorded one?"""
+    scene = _scene(eye, f"{', '.join(['Robot', *movers])}; red: as it was recorded")
+    plots = rrb.Vertical(*[_plot(plot) for plot in shown])
+    both = rrb.Horizontal(scene, plots, column_shares=[5, 3])
+    return rrb.Vertical(_verdict(), both, row_shares=[7, 93], name="futures")
 
 
 def _tune(above: Eye, plots: Plots) -> rrb.Vertical:

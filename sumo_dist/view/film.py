@@ -6,20 +6,19 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import imageio.v2 as imageio
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sumo_dist.episode.referee import Referee
 from sumo_dist.provenance import cores
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
-from sumo_dist.tasks.task import Task
 from sumo_dist.timing import TICK
 from sumo_dist.view.eye import Shot, clearest_azimuth
+from sumo_dist.view.futures import RECORDED, twin
 from sumo_dist.view.marks import (
     ELITE,
     GOAL,
@@ -33,6 +32,7 @@ from sumo_dist.view.marks import (
     way_colors,
 )
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
+from sumo_dist.view.trails import ways
 
 FPS = {".mp4": 50.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
 _SMALL = 640, 360
@@ -61,9 +61,9 @@ _LINE = mujoco.mjtGeom.mjGEOM_LINE
 class _Artist:
     """Draws ticks of a recording."""
 
-    def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
+    def __init__(self, reel: "_Reel", size: tuple[int, int]) -> None:
         """Open an offscreen renderer of (width, height) pixels."""
-        self._recording = recording
+        recording = self._recording = reel.recording
         world = World.of(recording)
         task = world.task
         self._colors = way_colors(task)
@@ -76,13 +76,17 @@ class _Artist:
         self._model.vis.map.shadowclip = _SHADOW_REACH
         self._data = mujoco.MjData(self._model)
         self._renderer = mujoco.Renderer(self._model, width=size[0], height=size[1])
-        self._trails = _trails(task, self._model, recording.states)
-        self._lookat, self._distance = _camera_path([*self._trails.values()], self._goals[0])
+        self._trails = ways(world, recording.states)
+        self._other, self._parts = reel.other, reel.ticks.start
+        others = {} if self._other is None else ways(world, self._other.states)
+        self._others = {name: way[self._parts :] for name, way in others.items()}
+        seen = [_held(way, reel.ticks.stop) for way in (*self._trails.values(), *others.values())]
+        self._lookat, self._distance = _camera_path(seen, self._goals[0])
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth = self._clearest_side(task.scene.robot.base) + 180.0
         self._camera.elevation = _ELEVATION
         self._planner = episode(recording).planner
-        ticks = np.arange(len(recording.states))
+        ticks = np.arange(reel.ticks.stop)
         self._plans = np.searchsorted(recording.plan_ticks, ticks, side="right") - 1  # followed
 
     def close(self) -> None:
@@ -101,8 +105,7 @@ class _Artist:
 
     def draw(self, tick: int) -> np.ndarray:
         """Return the picture at a tick, (height, width, 3) uint8."""
-        self._data.qpos[:] = self._recording.states[tick][: self._model.nq]
-        mujoco.mj_fwdPosition(self._model, self._data)
+        self._pose(self._recording, tick)
         self._camera.lookat[:] = self._lookat[tick]
         self._camera.distance = self._distance[tick]
         self._renderer.update_scene(self._data, self._camera)
@@ -112,11 +115,26 @@ class _Artist:
             for ring in goal_rings(goal):
                 self._draw_line(ring, GOAL, 3.0)
         for name, path in self._trails.items():
-            ground = path[: tick + 1 : _TRAIL_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR]
-            self._draw_line(ground, self._colors[name], 4.0)
-        if self._recording.traces and self._plans[tick] >= 0:
+            self._draw_way(path[: tick + 1], self._colors[name])
+        if self._plans[tick] >= 0 and self._recording.seen(int(self._plans[tick])):
             self._draw_candidates(self._plans[tick])
+        if self._other is not None:
+            self._pose(self._other, tick)
+            twin(self._model, self._data, self._renderer.scene)
+            for path in self._others.values():
+                ground = path[: tick - self._parts + 1 : _TRAIL_TICKS] * [1, 1, 0] + [
+                    0,
+                    0,
+                    ON_FLOOR,
+                ]
+                self._draw_line(ground, RECORDED, 4.0)
         return self._renderer.render()
+
+    def _pose(self, recording: Recording, tick: int) -> None:
+        """Put the model where a recording has it; after its end it stays."""
+        at = min(tick, len(recording.states) - 1)
+        self._data.qpos[:] = recording.states[at][: self._model.nq]
+        mujoco.mj_fwdPosition(self._model, self._data)
 
     def _follow_with_lights(self) -> None:
         """Move the lights along: shadows are drawn around a light's place, sharper the nearer."""
@@ -134,6 +152,10 @@ class _Artist:
         for path in traces[elites].reshape(-1, *traces.shape[2:]):
             self._draw_line(path, ELITE, 3.0)
 
+    def _draw_way(self, path: np.ndarray, color: ArrayLike) -> None:
+        """Draw a way (ticks, 3) on the floor below it."""
+        self._draw_line(path[::_TRAIL_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR], color, 4.0)
+
     def _draw_line(self, points: np.ndarray, color: ArrayLike, width: float) -> None:
         """Draw a line through (P, 3), `width` pixels wide, as far as the picture can hold it."""
         scene = self._renderer.scene
@@ -147,13 +169,9 @@ class _Artist:
             scene.ngeom += 1
 
 
-def _trails(
-    task: Task, model: mujoco.MjModel, states: Sequence[np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return the ways of robot and object, (ticks, 3) [m]."""
-    referee = Referee(task, model)
-    views = [referee.view(state) for state in states]
-    return {name: np.array([v[name].pos[0, 0] for v in views]) for name in way_colors(task)}
+def _held(path: np.ndarray, length: int) -> np.ndarray:
+    """Let a path (ticks, 3) stay where it ends, up to a length."""
+    return np.concatenate([path, np.repeat(path[-1:], max(0, length - len(path)), axis=0)])
 
 
 def _camera_path(paths: list[np.ndarray], goal: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -183,19 +201,44 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 _artists: list[_Artist] = []  # the one of a process that draws some of the frames
 
 
-def _hire(source: Path, size: tuple[int, int]) -> None:
-    _artists.append(_Artist(Recording.load(source), size))
+class _Reel(NamedTuple):
+    """What a film shows.
+
+    Attributes:
+        recording: the run.
+        other: another future of it, or None.
+        ticks: that are shown: from where they part to the end of the longer one, or all.
+    """
+
+    recording: Recording
+    other: Recording | None
+    ticks: range
+
+
+def _reel(words: Sequence[str]) -> _Reel:
+    """Load a recording, and another future and the tick where they part, if those are named."""
+    recording = Recording.load(words[0])
+    if len(words) == 1:
+        return _Reel(recording, None, range(len(recording.states)))
+    other, tick = Recording.load(words[1]), int(words[2])
+    return _Reel(recording, other, range(tick, max(len(recording.states), len(other.states))))
+
+
+def _hire(words: Sequence[str], size: tuple[int, int]) -> None:
+    _artists.append(_Artist(_reel(words), size))
 
 
 def _drawn(tick: int) -> np.ndarray:
     return _artists[0].draw(tick)
 
 
-def _frames(source: Path, size: tuple[int, int], ticks: Sequence[int]) -> Iterator[np.ndarray]:
+def _frames(
+    words: Sequence[str], size: tuple[int, int], ticks: Sequence[int]
+) -> Iterator[np.ndarray]:
     """Yield the pictures at some ticks, (height, width, 3) uint8, drawn by a process a core."""
     os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's renderer on the CPU: the cores are taken
     workers = max(1, min(cores(), len(ticks) // _AHEAD))
-    with multiprocessing.get_context("spawn").Pool(workers, _hire, (source, size)) as pool:
+    with multiprocessing.get_context("spawn").Pool(workers, _hire, (words, size)) as pool:
         room = multiprocessing.BoundedSemaphore(workers * _AHEAD)
 
         def admitted() -> Iterator[int]:
@@ -208,22 +251,22 @@ def _frames(source: Path, size: tuple[int, int], ticks: Sequence[int]) -> Iterat
             yield picture
 
 
-def _draw_film(source: Path, path: Path) -> int:
+def _draw_film(path: Path, words: Sequence[str]) -> int:
     """Draw a recording; the exit code is NO_GRAPHICS if there is nothing to draw with."""
-    recording = Recording.load(source)
+    reel = _reel(words)
     try:
-        artist = _Artist(recording, SIZE[path.suffix])
+        artist = _Artist(reel, SIZE[path.suffix])
     except Exception as error:  # every graphics library fails in its own way
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         return NO_GRAPHICS
     if path.suffix == ".jpg":
-        imageio.imwrite(path, _strip(artist, len(recording.states)), quality=70)
+        imageio.imwrite(path, _strip(artist, reel.ticks), quality=70)
         return 0
     artist.close()
-    ticks = range(0, len(recording.states), round(1 / TICK / FPS[path.suffix]))
+    ticks = reel.ticks[:: round(1 / TICK / FPS[path.suffix])]
     writer: Any = imageio.get_writer(path, fps=FPS[path.suffix], **_SETTINGS[path.suffix])
     with writer as film:
-        for i, picture in enumerate(_frames(source, SIZE[path.suffix], ticks)):
+        for i, picture in enumerate(_frames(words, SIZE[path.suffix], ticks)):
             film.append_data(picture)
             if i % 100 == 99:
                 sys.stdout.write(f"frame {i + 1} of {len(ticks)}\n")
@@ -231,13 +274,13 @@ def _draw_film(source: Path, path: Path) -> int:
     return 0
 
 
-def _strip(artist: _Artist, ticks: int) -> np.ndarray:
+def _strip(artist: _Artist, ticks: range) -> np.ndarray:
     """Draw pictures from start to end, side by side, (height, STRIP * width, 3) uint8."""
-    at = np.linspace(0, ticks - 1, STRIP).round().astype(int)
+    at = np.linspace(ticks[0], ticks[-1], STRIP).round().astype(int)
     strip = np.hstack([artist.draw(int(tick)) for tick in at])
     height, width, _ = strip.shape
     return strip.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3)).round().astype("u1")
 
 
 if __name__ == "__main__":
-    sys.exit(_draw_film(Path(sys.argv[1]), Path(sys.argv[2])))
+    sys.exit(_draw_film(Path(sys.argv[2]), (sys.argv[1], *sys.argv[3:])))

@@ -4,26 +4,26 @@ import os
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.errors import SumoError, unknown
 from sumo_dist.extras import need
-from sumo_dist.planner.plan import Plan
-from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.reports import reports
 from sumo_dist.record.world import World
 
 if TYPE_CHECKING:
+    from sumo_dist.view.futures import OtherFuture
     from sumo_dist.view.outputs import Outputs
     from sumo_dist.view.run_logger import RunLogger
     from sumo_dist.view.viewers import Viewer
+
+Other = tuple[Recording, int]
+"""Another future of the same run, and the tick from which on it is another."""
 
 FILMS = (".gif", ".jpg", ".mp4", ".webp")
 STRIP = 6  # pictures in a strip
@@ -37,7 +37,12 @@ def episode(recording: Recording) -> EpisodeConfig:
     return EpisodeConfig.of(recording.config.get("episode"))
 
 
-def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_LIMIT) -> None:
+def to_rrd(
+    recording: Recording,
+    path: Path,
+    candidates_limit: int = CANDIDATES_LIMIT,
+    other: Other | None = None,
+) -> None:
     """Write a recording as a Rerun file of bounded size.
 
     Args:
@@ -45,6 +50,7 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
         path: of the .rrd.
         candidates_limit: in a longer run, the candidates of only every so many plans are drawn
             [bytes].
+        other: the future that is drawn beside it.
 
     Raises:
         SumoError: the file cannot be written, or the `view` extra is not installed.
@@ -56,31 +62,41 @@ def to_rrd(recording: Recording, path: Path, candidates_limit: int = CANDIDATES_
     troubles = list[str]()
     size = sum(traces.nbytes for traces in recording.traces)
     with Outputs(path.parent.name, RrdFile(path, troubles.append)) as out:
-        _log(recording, out, stride=max(1, -(-size // candidates_limit)))
+        _log(recording, out, other, stride=max(1, -(-size // candidates_limit)))
     if troubles:
         raise SumoError(troubles[0])
 
 
-def _log(recording: Recording, out: "Outputs", stride: int = 1) -> None:
+def _log(recording: Recording, out: "Outputs", other: Other | None = None, stride: int = 1) -> None:
     """Log a recording in the order of time, the candidates of every `stride`-th plan."""
+    from sumo_dist.view.futures import OtherFuture, plots_of
     from sumo_dist.view.run_logger import RunLogger
 
     config = episode(recording)
     world = World.of(recording)
+    also = plots_of(recording) if other else ()
     with closing(
-        RunLogger(out, world.task, config, distributed=False, model=world.model)
+        RunLogger(out, world.task, config, distributed=False, model=world.model, also=also)
     ) as logger:
-        _log_run(recording, logger, stride)
+        beside = OtherFuture(out, world, recording, *other) if other else None
+        _log_run(recording, logger, beside, stride)
+        for tick in range(len(recording.states), len(other[0].states) if other else 0):
+            assert beside is not None, "there is another one"
+            beside.log(tick)
 
 
-def _log_run(recording: Recording, logger: "RunLogger", stride: int) -> None:
+def _log_run(
+    recording: Recording, logger: "RunLogger", beside: "OtherFuture | None", stride: int
+) -> None:
     plans = deque(enumerate(reports(recording)))
     for tick, state in enumerate(recording.states):
         logger.log_state(tick, state)
+        if beside is not None:
+            beside.log(tick)
         while plans and plans[0][1].plan.tick <= tick:
             i, report = plans.popleft()
             logger.log_plan(report)
-            if i % stride == 0 and recording.traces:
+            if i % stride == 0 and recording.seen(i):
                 logger.log_candidates(tick, recording.costs[i], recording.traces[i])
             logger.log_ghost(report, tick, recording.estimates[tick], recording.memories[tick])
     last = len(recording.states) - 1
@@ -91,40 +107,13 @@ def _log_run(recording: Recording, logger: "RunLogger", stride: int) -> None:
     logger.flush()
 
 
-def reports(recording: Recording) -> Iterator[PlanReport]:
-    """Yield the account of each recorded plan, as far as a recording has it."""
-    planner = episode(recording).planner
-    for i, number in enumerate(recording.plan_numbers):
-        finite = np.isfinite(recording.costs[i])
-        plan = Plan(
-            int(number),
-            int(recording.plan_ticks[i]),
-            recording.knots[i],
-            planner.horizon,
-            planner.spline,
-        )
-        yield PlanReport(
-            plan=plan,
-            costs=np.where(finite, recording.costs[i], 0.0),
-            finite=finite,
-            terms=recording.terms[i],
-            weights=recording.weights[i],
-            parameters=recording.parameters[i],
-            plan_ms=float(recording.plan_ms[i]),
-            own_ms=0.0,
-            age_ticks=int(recording.age_ticks[i]),
-            lost=int(recording.lost[i]),
-            reissued=int(recording.reissued[i]),
-            failed=not finite.any(),
-        )
-
-
-def show(recording: Recording, viewer: str) -> None:
+def show(recording: Recording, viewer: str, other: Other | None = None) -> None:
     """Show a recording in Rerun until the viewer is closed or this is interrupted.
 
     Args:
         recording: what to show.
         viewer: "web" or "native".
+        other: the future that is shown beside it.
 
     Raises:
         SumoError: the viewer cannot be opened, or the `view` extra is not installed.
@@ -140,7 +129,7 @@ def show(recording: Recording, viewer: str) -> None:
         suppress(KeyboardInterrupt),
     ):
         _tell(opened)
-        _log(recording, out)
+        _log(recording, out, other)
         opened.wait()
 
 
@@ -160,7 +149,7 @@ def _tell(viewer: "Viewer") -> None:
         sys.stderr.write(f"watch the run at {viewer.address} (Ctrl-C ends)\n")
 
 
-def render(recording: Recording, path: Path) -> None:
+def render(recording: Recording, path: Path, other: Other | None = None) -> None:
     """Write a film of a recording, drawn by MuJoCo without a display.
 
     MuJoCo takes its graphics library from the environment when it is imported, so the drawing is
@@ -169,6 +158,7 @@ def render(recording: Recording, path: Path) -> None:
     Args:
         recording: what to draw.
         path: .mp4, .gif, .webp, or .jpg for a strip of a few pictures from start to end.
+        other: the future that is drawn beside it, translucent; the film begins where they part.
 
     Raises:
         UsageError: another ending.
@@ -183,9 +173,13 @@ def render(recording: Recording, path: Path) -> None:
     with TemporaryDirectory(prefix="sumo-dist-") as folder:
         source = Path(folder) / "run.npz"
         recording.save(source)
+        words = [str(source), str(path)]
+        if other is not None:
+            other[0].save(source.with_name("other.npz"))
+            words += [str(source.with_name("other.npz")), str(other[1])]
         for library in _graphics_libraries():
             done = subprocess.run(
-                [sys.executable, "-P", "-m", "sumo_dist.view.film", source, path],
+                [sys.executable, "-P", "-m", "sumo_dist.view.film", *words],
                 env={**os.environ, "MUJOCO_GL": library},
                 stderr=subprocess.PIPE,
                 text=True,

@@ -1,5 +1,6 @@
 """A run as Rerun entities; the live tracer and the after-run conversion both write through this."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import mujoco
@@ -32,7 +33,7 @@ from sumo_dist.view.marks import (
     thinned,
 )
 from sumo_dist.view.outputs import Outputs
-from sumo_dist.view.plots import PlotLog, plots
+from sumo_dist.view.plots import Plot, PlotLog, plots
 from sumo_dist.view.scene import SceneLog, left_out
 from sumo_dist.view.search import SearchLog
 from sumo_dist.view.states import StateLog
@@ -61,6 +62,7 @@ class RunLogger:
         distributed: bool,
         model: mujoco.MjModel | None = None,
         first: Layout = "drive",
+        also: Sequence[Plot] = (),
     ) -> None:
         """Log all that stays as it is.
 
@@ -71,7 +73,9 @@ class RunLogger:
             distributed: there are rollout workers to watch.
             model: of the task's scene; compiled by default.
             first: the layout that is open at first.
+            also: plots that somebody else writes, in a layout of their own, open at first.
         """
+        self._also = also
         self._out, self._task, self._distributed = out, task, distributed
         self._first: Layout = first
         self._parameters = episode.cost(task).parameters
@@ -272,7 +276,9 @@ class RunLogger:
         eye = Eye(target + distance * direction(azimuth, _ELEVATION), target)
         above = eye.above(points[-1][:2] - points[0][:2])
         live = self._distributed
-        self._out.arrange(layout(eye, above, self._task.movers, self._shown, live, self._first))
+        self._out.arrange(
+            layout(eye, above, self._task.movers, self._shown, live, self._first, self._also)
+        )
         self._arranged = True
 
     def _way_ahead(self, start: np.ndarray) -> list[np.ndarray]:

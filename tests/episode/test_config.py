@@ -32,7 +32,7 @@ def test_the_description_names_all_that_decides_a_run(move_box):
         "spot/move_box", seed=2**62, planner=planner, plant="hard", weight=("goal=80",)
     )
     problem = Problem.build(move_box, planning_options(planner))
-    described = config.describe(problem, "native-avx2")
+    described = config.describe(problem, ("native-avx2", "a-build"))
     assert (described["task_name"], described["robot"]) == ("spot/move_box", "spot")
     assert EpisodeConfig.of(json.loads(json.dumps(described["episode"]))) == config
     assert described["engine"] == "native-avx2"

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sumo_dist.episode.again import repeat
 from sumo_dist.episode.assemble import Episode
 from sumo_dist.episode.command import Nobody
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.local import LocalPlanning
 from sumo_dist.episode.progress import Progress
-from sumo_dist.episode.single import repeat, run_planned, run_single
+from sumo_dist.episode.single import run_planned, run_single
 from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.plant.scripted import ScriptedBody

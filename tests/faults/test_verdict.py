@@ -32,7 +32,7 @@ FELL, TIMEOUT = Ending(End.FELL), Ending(End.TIMEOUT)
 def recording():
     config = episode_of(SCRIPT)
     problem = Problem.build(load_task(config.task), planning_options(config.planner))
-    recording = Recording(config.describe(problem, "none"))
+    recording = Recording(config.describe(problem, ("none", "none")))
     for _ in range(3):
         recording.targets.append(np.array(SPOT.stand))
     return recording

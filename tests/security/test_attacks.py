@@ -13,7 +13,7 @@ import pytest
 
 from sumo_dist.authority.certificates import KeysError
 from sumo_dist.authority.store import Authority
-from sumo_dist.episode.single import repeat
+from sumo_dist.episode.again import repeat
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.wire.bus import Bus

@@ -109,7 +109,7 @@ def run_standing(config: EpisodeConfig) -> tuple[Recording, Ending]:
 def _not_begun(config: EpisodeConfig, error: TaskError) -> tuple[Recording, Ending]:
     """Return what there is of an episode whose start the task cannot draw."""
     problem = Problem.build(load_task(config.task), planning_options(config.planner))
-    return Recording(config.describe(problem, engine_identity(config.engine)[0])), fault(error)
+    return Recording(config.describe(problem, engine_identity(config.engine))), fault(error)
 
 
 def outcome(episode: EpisodeConfig, recording: Recording) -> Row:
