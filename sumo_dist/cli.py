@@ -50,7 +50,10 @@ COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "tune": Command("Search weights and settings of a task", "sumo_dist.bench.tune.command"),
-    "replay": Command("Show or render a recorded run", "sumo_dist.commands.replay"),
+    "replay": Command(
+        "Show, render, verify or plan again a recorded run", "sumo_dist.commands.replay"
+    ),
+    "export": Command("Write recorded runs in other formats", "sumo_dist.commands.export"),
     "stop": Command(
         "Make a running robot sit down at once", "sumo_dist.commands.ctl", "StopOptions", "stop"
     ),

@@ -63,13 +63,13 @@ class Change:
 
     def commands(self) -> list[Command]:
         """Return the commands of an operator who changes the numbers."""
-        asked = [(verb, text) for kind, verb in _ASKED.items() for text in getattr(self, kind)]
-        commands = []
-        for number, (verb, text) in enumerate(asked):
+        commands = list[Command]()
+        asked = ((kind, text) for kind in _ASKED for text in getattr(self, kind))
+        for number, (kind, text) in enumerate(asked):
             name, equals, value = text.partition("=")
             if not equals:
-                raise UsageError(f"{verb} {text!r} is not of the form name=value")
-            commands.append(Command(number, SENDER, verb, name, value))
+                raise UsageError(f"{kind} {text!r} is not of the form name=value")
+            commands.append(Command(number, SENDER, _ASKED[kind], name, value))
         return commands
 
 

@@ -19,6 +19,7 @@ ROOMS = (
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
     *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "control", "view"),
+    "export",
     *(
         "services",
         "launch",
