@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
 
 from sumo_dist.commands.what_if import asked, futures, recorded_future
@@ -154,26 +155,33 @@ def _in_its_folder(path: Path) -> Path:
 def _verify(recording: Recording, threads: int) -> int:
     """Return 0 if a recording repeats to the last bit, 3 if not."""
     world = World.of(recording)
-
-    def compare(report: PlanReport) -> None:
-        """End the run at the first plan that is another: all that follows would be, too."""
-        i = made.index(report.plan.number) if report.plan.number in made else None
-        if i is None or recording.knots[i].tobytes() != report.plan.knots.tobytes():
-            raise Interrupted("the plans part")
-
-    made = [int(number) for number in recording.plan_numbers]
-    again = repeat(recording, threads, compare)
-    plans, states = len(made), len(recording.states)
-    partial = int((recording.lost[:] != 0).sum()) if plans else 0
+    again = repeat(recording, threads, _Watch(recording))
+    plans, states = len(recording.plan_numbers), len(recording.states)
     difference = first_difference(recording, again, world)
-    if difference is None and again.ending != recording.ending and recording.ending:
-        difference = f"the end was {recording.ending!r} and is {again.ending!r} now"
-    if difference is None:
-        taken = f" ({partial} that lost candidates were taken as they are)" if partial else ""
+    ended_otherwise = recording.ending and again.ending != recording.ending
+    if difference is None and not ended_otherwise:
+        lost = int(np.count_nonzero(recording.lost)) if plans else 0
+        taken = f" ({lost} that lost candidates were taken as they are)" if lost else ""
         print(f"{plans} plans{taken} and {states} states repeat to the last bit")
         return 0
-    text = difference if isinstance(difference, str) else difference.text
-    print(f"{plans} plans and {states} states do not repeat: {text}")
+    end = f"the end was {recording.ending!r} and is {again.ending!r} now"
+    print(
+        f"{plans} plans and {states} states do not repeat: {difference.text if difference else end}"
+    )
     if changed := changed_versions(recording):
         print(f"since then: {'; '.join(changed)}")
     return SumoError.exit_code
+
+
+class _Watch:
+    """Ends a repeated run after the first plan that is another: all that follow would be, too."""
+
+    def __init__(self, recording: Recording) -> None:
+        numbers = map(int, recording.plan_numbers)
+        self._knots, self._parted = dict(zip(numbers, recording.knots, strict=True)), False
+
+    def __call__(self, report: PlanReport) -> None:
+        if self._parted:
+            raise Interrupted("the plans have parted")
+        before = self._knots.get(report.plan.number)
+        self._parted = before is None or before.tobytes() != report.plan.knots.tobytes()

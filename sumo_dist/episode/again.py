@@ -219,10 +219,11 @@ def _run(
 def _taker(recording: Recording, again: Recording, task: Task) -> MakePlan:
     """Return what gives a recording's plans, with what only their maker knew, if it is there."""
     rows = {int(number): i for i, number in enumerate(recording.plan_numbers)}
-    unseen = np.full((1, len(task.trails), TRACE_POINTS, 3), np.nan, np.float32)
+    shape = len(task.trails), TRACE_POINTS, 3
 
     def take(request: PlanRequest, planner: PlannerConfig) -> PlanReport:
         i = rows[request.number]
+        unseen = np.full((len(recording.costs[i]), *shape), np.nan, np.float32)
         again.add_traces(recording.traces[i] if recording.traces else unseen)
         again.plan_cpu_ms.append(recording.plan_cpu_ms[i] if recording.plan_cpu_ms else np.nan)
         return report(recording, i, planner)

@@ -229,7 +229,9 @@ def _parquet(path: Path, columns: Mapping[str, Any], index: str | None = None) -
             arrays[name] = pa.array(values)
     table = pa.table(arrays)
     if index is not None:
-        about = {"index_columns": [index], "column_indexes": [], "columns": []}
+        named = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
+        rows = [{"name": index, "field_name": index, **named}]
+        about = {"index_columns": [index], "column_indexes": [], "columns": rows}
         table = table.replace_schema_metadata({"pandas": json.dumps(about)})
     path.parent.mkdir(parents=True, exist_ok=True)
     pq.write_table(table, path)

@@ -48,7 +48,7 @@ def started(folder, *words, ignored=(), **options):
 
 def repeats(ask, brought, folder):
     """What was kept is a whole recording."""
-    ask(KEPT, brought, "replay", folder / "run", "--repeat", code=0, says="to the last bit")
+    ask(KEPT, brought, "replay", folder / "run", "--verify", code=0, says="to the last bit")
 
 
 SIGNALS = {

@@ -62,7 +62,7 @@ def test_replay_names_the_extra(ask, light, folder, words, extra):
 
 
 def test_the_bits_of_a_run_need_no_viewer(ask, light, folder):
-    ask(KIND, LIGHT, "replay", folder, "--repeat", code=0, says="repeat to the last bit")
+    ask(KIND, LIGHT, "replay", folder, "--verify", code=0, says="repeat to the last bit")
 
 
 def test_the_tracer_names_the_extra(ask, light):

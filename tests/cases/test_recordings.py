@@ -104,10 +104,10 @@ def test_a_film_shows_the_world_that_was(ask, run, bring, tmp_path):
 
 @pytest.mark.parametrize("brought", CHANGES)
 def test_a_repetition_says_that_the_task_is_another(ask, run, bring, brought):
-    ask(REPLAY, "nothing has changed", "replay", run, "--repeat", code=0, says="to the last bit")
+    ask(REPLAY, "nothing has changed", "replay", run, "--verify", code=0, says="to the last bit")
     CHANGES[brought](bring)
     says = r"has changed since this run: its hash was \w+|is not here as it was: .*"
-    ask(REPLAY, brought, "replay", run, "--repeat", code=2, says=says)
+    ask(REPLAY, brought, "replay", run, "--verify", code=2, says=says)
 
 
 def test_recordings_without_a_model_need_their_task(ask, run, bring, tmp_path):
@@ -141,7 +141,7 @@ def test_a_model_that_is_none_is_one_line(ask, run, tmp_path, part):
 
 def test_without_an_argument_the_newest_run_is_taken(ask, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    none = ("replay", "--repeat")
+    none = ("replay", "--verify")
     ask(REPLAY, "no run at all", *none, code=2, says="no run below .*runs: name the folder of one")
     (tmp_path / "runs").mkdir()
     shutil.copytree(run, tmp_path / "runs" / "a")
@@ -149,7 +149,7 @@ def test_without_an_argument_the_newest_run_is_taken(ask, run, tmp_path, monkeyp
     (tmp_path / "runs" / "a" / "run.npz").touch()
     ask(REPLAY, "no folder named", *none, code=0, says=r"the newest run: runs/a$")
     file = tmp_path / "runs" / "b" / "run.npz"
-    ask(REPLAY, "the recording itself", "replay", file, "--repeat", code=0, says="to the last bit")
+    ask(REPLAY, "the recording itself", "replay", file, "--verify", code=0, says="to the last bit")
 
 
 @pytest.mark.slow

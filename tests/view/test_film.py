@@ -1,8 +1,11 @@
+from copy import deepcopy
+
 import imageio.v2 as imageio
 import numpy as np
 import pytest
 
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.record.rows import Rows
 from sumo_dist.view.replay import render
 
 
@@ -46,6 +49,26 @@ def test_a_strip_has_the_start_on_its_left_and_the_end_on_its_right(short_run, f
     steps = [np.abs(a - pictures[0]).mean() for a in pictures]
     assert steps[0] == 0
     assert min(steps[1:]) > 0.2
+
+
+def test_two_futures_are_drawn_from_where_they_part_to_the_end_of_the_longer(
+    short_run, film, tmp_path
+):
+    """The other one red and translucent beside the run; before they part there is nothing to see."""
+    other = deepcopy(short_run)
+    states = np.array(short_run.states)
+    states[12:, :2] += [0.8, 0.8]
+    other.states = Rows(states)
+    shorter = deepcopy(short_run)
+    shorter.cut(16, 6)
+    path = tmp_path / "both.gif"
+    render(shorter, path, (other, 12))
+    pictures = imageio.mimread(path)
+    assert len(pictures) == -(-(26 - 12) // 4)
+    for picture in pictures:
+        red = picture[..., 0].astype(int) - picture[..., 2]
+        assert (red > 60).sum() > shows(film[0], (250, 190, 20), 60)  # more than the robot alone
+        assert shows(picture, (250, 190, 20), 60) > 100
 
 
 def test_an_unknown_format_names_those_there_are(short_run, tmp_path):
