@@ -43,15 +43,15 @@ def futures(
     recording: Recording, folder: Path, change: Change, out: Path | None, threads: int
 ) -> tuple[Recording, Path]:
     """Plan again, write the new future, print what came of both; return it and its folder."""
-    folder = folder.absolute()
+    folder = folder if folder.name not in ("", "..") else folder.resolve()  # "." has no neighbour
     default = folder.with_name(f"{folder.name}-what-if")
-    if out is not None and out.absolute() == folder:
+    if out is not None and out.resolve() == folder.resolve():
         raise UsageError(f"--out {out} is the run itself: give the new future another folder")
     with run_folder(out, default) as new:
         again, ending = what_if(
             recording, change, threads, Progress(recording.config["terms"], say)
         )
-        again.config["what_if"][_RUN] = str(folder)
+        again.config["what_if"][_RUN] = str(folder.absolute())
         with uninterrupted():
             keep(again, ending, new)
     if ending.kind is End.INTERRUPTED:
@@ -70,10 +70,8 @@ def recorded_future(recording: Recording, folder: Path) -> tuple[Recording, int]
     origin = recording.config.get("what_if")
     if origin is None:
         return None
-    places = (
-        Path(origin.get(_RUN, "")),
-        folder.absolute().with_name(Path(origin.get(_RUN, "")).name),
-    )
+    before = Path(origin.get(_RUN, ""))
+    places = before, folder.resolve().parent / before.name  # or both were moved
     for place in places:
         try:
             found = Recording.load(place / RECORDING)

@@ -34,7 +34,7 @@ from sumo_dist.view.marks import (
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
 from sumo_dist.view.trails import ways
 
-FPS = {".mp4": 50.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
+FPS = {".mp4": 25.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
 _SMALL = 640, 360
 SIZE = {
     ".mp4": (960, 544),

@@ -54,7 +54,7 @@ def test_a_strip_has_the_start_on_its_left_and_the_end_on_its_right(short_run, f
 def test_two_futures_are_drawn_from_where_they_part_to_the_end_of_the_longer(
     short_run, film, tmp_path
 ):
-    """The other one red and translucent beside the run; before they part there is nothing to see."""
+    """The other one is red, and beside the run."""
     other = deepcopy(short_run)
     states = np.array(short_run.states)
     states[12:, :2] += [0.8, 0.8]
