@@ -129,15 +129,8 @@ def what_if(
             now = change.tick * TICK
             raise UsageError(f"a time limit of {change.time_limit:g} s is over at {now:g} s")
         config = replace(config, time_limit=change.time_limit)
-    operator = Repeater(_said(recording, change))
     _check(recording, config, task, change)
-    seeds = [
-        (tick, seed)
-        for tick, seed in _seeds(recording)
-        if change.seed is None or tick < change.tick
-    ]
-    if change.seed is not None:
-        seeds.append((change.tick, replace(config, seed=change.seed).seed))
+    operator, seeds = Repeater(_said(recording, change)), _seeds(recording, change)
     past = {
         int(number)
         for number, tick in zip(recording.plan_numbers, recording.plan_ticks, strict=True)
@@ -231,9 +224,15 @@ def _taker(recording: Recording, again: Recording, task: Task) -> MakePlan:
     return take
 
 
-def _seeds(recording: Recording) -> list[tuple[int, int]]:
+def _seeds(recording: Recording, change: Change | None = None) -> list[tuple[int, int]]:
     """Seeds of the planner's noise other than the episode's, each with the tick it begins at."""
-    return [(int(tick), int(seed)) for tick, seed in recording.config.get("seeds", ())]
+    seeds = [(int(tick), int(seed)) for tick, seed in recording.config.get("seeds", ())]
+    if change is None or change.seed is None:
+        return seeds
+    return [
+        *((tick, seed) for tick, seed in seeds if tick < change.tick),
+        (change.tick, change.seed),
+    ]
 
 
 def _said(recording: Recording, change: Change) -> list[dict[str, Any]]:
@@ -253,6 +252,8 @@ def _said(recording: Recording, change: Change) -> list[dict[str, Any]]:
 
 def _check(recording: Recording, config: EpisodeConfig, task: Task, change: Change) -> None:
     """Raise what is wrong with a change before anything is computed."""
+    if change.seed is not None:
+        replace(config, seed=change.seed)  # is it one?
     task.table.adjusted(change.weight, change.param)
     planner = config.planner
     for said in recording.operator:

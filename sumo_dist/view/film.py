@@ -18,7 +18,6 @@ from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
 from sumo_dist.timing import TICK
 from sumo_dist.view.eye import Shot, clearest_azimuth
-from sumo_dist.view.futures import RECORDED, twin
 from sumo_dist.view.marks import (
     ELITE,
     GOAL,
@@ -32,7 +31,7 @@ from sumo_dist.view.marks import (
     way_colors,
 )
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
-from sumo_dist.view.trails import ways
+from sumo_dist.view.trails import RECORDED, ways
 
 FPS = {".mp4": 25.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
 _SMALL = 640, 360
@@ -55,6 +54,7 @@ _AHEAD = 4  # frames that each process may have drawn before they are written
 _TRAIL_TICKS = 10  # between points of a trail
 
 _LIGHT = 1.6  # how bright the scene's lights make a line
+_NO_SHADOW = 0.99  # opacity of lines: what is not quite opaque casts no shadow, which takes long
 _LINE = mujoco.mjtGeom.mjGEOM_LINE
 
 
@@ -120,14 +120,9 @@ class _Artist:
             self._draw_candidates(self._plans[tick])
         if self._other is not None:
             self._pose(self._other, tick)
-            twin(self._model, self._data, self._renderer.scene)
+            _add_twin(self._model, self._data, self._renderer.scene)
             for path in self._others.values():
-                ground = path[: tick - self._parts + 1 : _TRAIL_TICKS] * [1, 1, 0] + [
-                    0,
-                    0,
-                    ON_FLOOR,
-                ]
-                self._draw_line(ground, RECORDED, 4.0)
+                self._draw_way(path[: tick - self._parts + 1], RECORDED)
         return self._renderer.render()
 
     def _pose(self, recording: Recording, tick: int) -> None:
@@ -159,7 +154,7 @@ class _Artist:
     def _draw_line(self, points: np.ndarray, color: ArrayLike, width: float) -> None:
         """Draw a line through (P, 3), `width` pixels wide, as far as the picture can hold it."""
         scene = self._renderer.scene
-        rgba = np.append(np.asarray(color) / 255 / _LIGHT, 1.0).astype(np.float32)
+        rgba = np.append(np.asarray(color) / 255 / _LIGHT, _NO_SHADOW).astype(np.float32)
         for start, end in pairwise(points):
             if scene.ngeom >= scene.maxgeom:
                 return
@@ -167,6 +162,18 @@ class _Artist:
             mujoco.mjv_initGeom(geom, _LINE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
             mujoco.mjv_connector(geom, _LINE, width, start, end)
             scene.ngeom += 1
+
+
+def _add_twin(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.MjvScene) -> None:
+    """Add what moves to a scene of MuJoCo's renderer, translucent, as data's kinematics have it."""
+    first = scene.ngeom
+    mujoco.mjv_addGeoms(
+        *(model, data, mujoco.MjvOption(), mujoco.MjvPerturb()),
+        int(mujoco.mjtCatBit.mjCAT_DYNAMIC),
+        scene,
+    )
+    for geom in scene.geoms[first : scene.ngeom]:
+        geom.rgba = np.append(np.array(RECORDED, np.float32) / 255, 0.4)
 
 
 def _held(path: np.ndarray, length: int) -> np.ndarray:

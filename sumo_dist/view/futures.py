@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 import rerun as rr
 
@@ -11,10 +10,9 @@ from sumo_dist.record.world import World
 from sumo_dist.view.marks import ON_FLOOR, Color
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.plots import Plot
-from sumo_dist.view.trails import ways
+from sumo_dist.view.trails import RECORDED, ways
 from sumo_dist.view.twin import TwinLog
 
-RECORDED: Color = (255, 120, 110)  # of the future that was recorded
 TWIN_TICKS = 5  # of robot time between two poses of the twin
 _WAY_TICKS = 25  # between points of its way
 _NEW: Color = (66, 146, 214)
@@ -82,15 +80,3 @@ def merged(run: Recording, other: Recording, tick: int) -> tuple[np.ndarray, Seq
             rows = np.searchsorted(ticks, planned[later])
             costs[rows, column] = np.column_stack([terms.sum(axis=1), terms])
     return ticks, [costs[:, :, i] for i in range(costs.shape[2])]
-
-
-def twin(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.MjvScene) -> None:
-    """Add what moves to a scene of MuJoCo's renderer, translucent, as data's kinematics have it."""
-    first = scene.ngeom
-    mujoco.mjv_addGeoms(
-        *(model, data, mujoco.MjvOption(), mujoco.MjvPerturb()),
-        int(mujoco.mjtCatBit.mjCAT_DYNAMIC),
-        scene,
-    )
-    for geom in scene.geoms[first : scene.ngeom]:
-        geom.rgba = np.append(np.array(RECORDED, np.float32) / 255, 0.4)

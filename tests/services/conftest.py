@@ -10,8 +10,9 @@ from functools import cache
 
 import pytest
 
+from sumo_dist.episode.again import repeat
 from sumo_dist.episode.config import EpisodeConfig
-from sumo_dist.episode.single import repeat, run_single
+from sumo_dist.episode.single import run_single
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.launch.deployment import Deployment, services
 from sumo_dist.launch.launcher import Launcher, Service, flags
