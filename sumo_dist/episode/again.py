@@ -129,8 +129,8 @@ def what_if(
             now = change.tick * TICK
             raise UsageError(f"a time limit of {change.time_limit:g} s is over at {now:g} s")
         config = replace(config, time_limit=change.time_limit)
-    _check(recording, config, task, change)
     operator, seeds = Repeater(_said(recording, change)), _seeds(recording, change)
+    _check(recording, config, task, change)
     past = {
         int(number)
         for number, tick in zip(recording.plan_numbers, recording.plan_ticks, strict=True)

@@ -15,7 +15,7 @@ from sumo_dist.view.outputs import TIMELINE
 from sumo_dist.view.plots import AGE, Plot, Plots
 from sumo_dist.view.search import KNOTS
 
-Layout = Literal["drive", "tune", "fleet"]
+Layout = Literal["drive", "tune", "fleet", "futures"]
 
 PLOT_S = 6.0  # of robot time shown in plots, up to the cursor
 LEGEND_S = 3.0  # left of it, where the legend is: as wide as some 20 letters
@@ -66,7 +66,8 @@ def layout(
     if plots.fleet:
         tabs.append(_fleet(plots))
     if also:
-        tabs, first = [_futures(eye, movers, also), *tabs], "futures"
+        tabs.insert(0, _futures(eye, movers, also))
+        first = "futures"
     names = [str(tab.name) for tab in tabs]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, _words(), active_tab=names.index(first) if first in names else 0),

@@ -54,7 +54,6 @@ _AHEAD = 4  # frames that each process may have drawn before they are written
 _TRAIL_TICKS = 10  # between points of a trail
 
 _LIGHT = 1.6  # how bright the scene's lights make a line
-_NO_SHADOW = 0.99  # opacity of lines: what is not quite opaque casts no shadow, which takes long
 _LINE = mujoco.mjtGeom.mjGEOM_LINE
 
 
@@ -154,7 +153,7 @@ class _Artist:
     def _draw_line(self, points: np.ndarray, color: ArrayLike, width: float) -> None:
         """Draw a line through (P, 3), `width` pixels wide, as far as the picture can hold it."""
         scene = self._renderer.scene
-        rgba = np.append(np.asarray(color) / 255 / _LIGHT, _NO_SHADOW).astype(np.float32)
+        rgba = np.append(np.asarray(color) / 255 / _LIGHT, 1.0).astype(np.float32)
         for start, end in pairwise(points):
             if scene.ngeom >= scene.maxgeom:
                 return
