@@ -204,7 +204,8 @@ def _opened(options: Options, workers: int) -> dict[str, float]:
             address = run.wait_for_page()
             seen = {"address_s": time.monotonic() - began}
             tab.goto(address)
-            tab.wait_for_function("document.querySelectorAll('#costs .bar b:not(:empty)').length")
+            while not tab.evaluate("document.querySelector('#costs .bar b:not(:empty)') !== null"):
+                tab.wait_for_timeout(20)
             seen["floor_plan_s"] = time.monotonic() - began
             _await_scene(tab)
             seen["scene_s"] = time.monotonic() - began
