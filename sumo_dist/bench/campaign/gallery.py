@@ -25,7 +25,7 @@ Row = dict[str, Any]
 
 FASTER = 2  # than the robot
 _SIZE = 400, 225  # [pixels]
-_QUALITY = {"quality": 45, "method": 6}
+_QUALITY: dict[str, Any] = {"quality": 45, "method": 6}
 _ROWS = "gallery.json"
 _PAGE = "README.md"
 
@@ -87,12 +87,15 @@ def main(options: Options) -> int:
 
 def shown_run(name: str, options: Options) -> tuple[Recording, Row]:
     """Run a task with one seed after the other until one is solved; return the last and its row."""
-    for seed in range(1, options.seeds + 1):
-        recording = run_episode(
-            name, seed=seed, threads=options.threads, time_limit=options.time_limit
-        )
-        if recording.ending == End.SUCCESS.value:
-            break
+
+    def run(seed: int) -> Recording:
+        threads, time_limit = options.threads, options.time_limit
+        return run_episode(name, seed=seed, threads=threads, time_limit=time_limit)
+
+    seed, recording = 1, run(1)
+    while recording.ending != End.SUCCESS.value and seed < options.seeds:
+        seed += 1
+        recording = run(seed)
     row = {
         "seed": seed,
         "ending": recording.ending,
