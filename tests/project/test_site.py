@@ -10,7 +10,7 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 
-from sumo_dist import __version__
+import sumo_dist
 from sumo_dist.cli import COMMANDS, main
 from sumo_dist.extras import lacking
 
@@ -134,6 +134,11 @@ def test_the_reference_has_what_help_has(command, capsys):
     assert len(re.findall(r"^## sumo-dist ", page, re.MULTILINE)) == len(COMMANDS)
 
 
+def test_the_reference_has_every_name_for_scripts():
+    page = (ROOT / "docs" / "reference" / "api.md").read_text("utf-8")
+    assert set(re.findall(r":: sumo_dist\.(\w+)$", page, re.MULTILINE)) == set(sumo_dist._NAMES)
+
+
 def test_the_index_of_results_names_every_page_and_its_commits():
     index = ROOT / "docs" / "results" / "README.md"
     rows = [line for line in index.read_text("utf-8").splitlines() if line.startswith("| [")]
@@ -154,7 +159,7 @@ def test_the_citation_has_what_its_format_requires():
     assert citation["cff-version"] == "1.2.0"
     required = {"message", "title", "authors", "version", "license", "preferred-citation"}
     assert required <= citation.keys()
-    assert citation["version"] == __version__
+    assert citation["version"] == sumo_dist.__version__
     for work in (citation, citation["preferred-citation"]):
         assert all({"name", "family-names"} & author.keys() for author in work["authors"])
     assert {"type", "title", "authors"} <= citation["preferred-citation"].keys()
