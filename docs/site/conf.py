@@ -51,8 +51,9 @@ CONTENTS: dict[str, tuple[str, ...]] = {
     ),
     "How to": (
         "docs/guides/steer",
-        "docs/guides/recordings",
+        "docs/replay",
         "docs/guides/settings",
+        "docs/tuning",
         "docs/guides/keys",
         "docs/jobs",
         "docs/benchmark",
