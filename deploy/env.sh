@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by deploy/launch, deploy/check and .ci/run.
+# Sourced by deploy/launch, deploy/check, deploy/site and .ci/run.
 #
 # ensure_environment EXTRA   finds or makes a Python environment, brings sumo-dist[EXTRA] in it up to
 #                            date with this checkout, and leaves its interpreter in $python; an

@@ -141,6 +141,9 @@ COMMANDS = {
     "bench report": Command(
         "Write a suite's results as a page and a table", "sumo_dist.bench.results.publish"
     ),
+    "bench gallery": Command(
+        "Run and film every task, and write the page of clips", "sumo_dist.bench.campaign.gallery"
+    ),
     "bench compare": Command(
         "Say what changed between two suites and whether it matters",
         "sumo_dist.bench.results.compare",

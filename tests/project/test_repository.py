@@ -55,26 +55,6 @@ def test_scripts_that_documents_name_can_be_run(document):
     assert not [name for name in named if not (ROOT / name).stat().st_mode & 0o111]
 
 
-def command_lines(document: str) -> list[str]:
-    """Lines of the document's shell blocks that call our command line, as its arguments."""
-    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / document).read_text("utf-8"), flags=re.DOTALL)
-    calls = re.compile(r"^sumo-dist(.*?)(?:\s+#.*)?$", flags=re.MULTILINE)
-    launch = re.compile(r"^deploy/launch", flags=re.MULTILINE)
-    return [
-        args.strip()
-        for block in blocks
-        for args in calls.findall(launch.sub("sumo-dist run", block.replace("\\\n", " ")))
-    ]
-
-
-DOCUMENTS = ("README.md", "docs/benchmark.md", "docs/jobs.md")
-
-
-@pytest.mark.parametrize("line", [line for name in DOCUMENTS for line in command_lines(name)])
-def test_command_lines_of_documents_parse(line, parse):
-    assert parse(line)
-
-
 @pytest.mark.parametrize(
     "record", sorted((ROOT / "docs" / "decisions").glob("0*.md")), ids=lambda path: path.stem
 )
