@@ -68,6 +68,8 @@ def name_of(block: Block) -> str:
 def commands_in(shell: str) -> list[list[str]]:
     """Calls of our command line in a piece of shell, as its arguments."""
     found = []
+    for name, first in re.findall(r"\bfor (\w+) in ([\w.-]+)", shell):
+        shell = re.sub(rf"\$\{{?{name}\b\}}?", first, shell)
     for line in re.sub(r"\\\n\s*", " ", shell).splitlines():
         words = shlex.shlex(line, posix=True, punctuation_chars=True)
         words.whitespace_split = True
@@ -77,7 +79,7 @@ def commands_in(shell: str) -> list[list[str]]:
                 args = ["run", *args]
             elif Path(program).name != "sumo-dist":
                 continue
-            found.append([re.sub(r"\$\{?\w+\}?", "box_push", word) for word in args])
+            found.append(args)
     return found
 
 
@@ -206,7 +208,7 @@ def test_commands_are_found_wherever_they_stand():
     shell = """
 source .venv/bin/activate     # sumo-dist in a comment
 deploy/launch spot/move_box --viewer none
-for task in a b; do
+for task in box_push b; do
   sumo-dist run g1/$task --workers 0   # each
 done
 sumo-dist bench compare one two | tail; if sumo-dist help; then echo 'sumo-dist said'; fi
