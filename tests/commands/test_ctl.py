@@ -180,8 +180,8 @@ def test_without_a_robot_it_gives_up_and_says_so(router, robot, capsys, monkeypa
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "unknown command ''; valid: parameter, pause"),
-        (["fly"], "unknown command 'fly'; valid: parameter, pause, planner, reset"),
+        ([], "unknown command ''; valid: drain, parameter, pause"),
+        (["fly"], "unknown command 'fly'; valid: drain, parameter, pause, planner, reset"),
         (["pause", "now"], "needs `ctl pause`, got now"),
         (["step", "1", "2"], "needs `ctl step [TICKS]`, got 1 2"),
         (["task"], "needs `ctl task TASK [SEED]`, got nothing"),

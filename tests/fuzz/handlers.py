@@ -5,6 +5,7 @@ start. Only the session is a stand-in: it keeps the callbacks that are declared 
 reach them faster than over a network.
 """
 
+import json
 import queue
 import threading
 from collections import Counter
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from sumo_dist.control.picture import SHOWN, Picture
 from sumo_dist.dispatch.evaluator import RemoteEvaluator
 from sumo_dist.dispatch.questions import QuestionSlot
 from sumo_dist.dispatch.robot_link import RobotLink
@@ -59,6 +61,7 @@ from sumo_dist.wire.messages import (
 from sumo_dist.wire.notices import (
     Ack,
     CommandMessage,
+    Drain,
     Event,
     Health,
     TrialReply,
@@ -148,7 +151,13 @@ class MessageHandlers:
         self._gather()
         self._requests = Inbox()
         self._bus().subscribe(RolloutRequest, self._requests.put)
+        self._open_page()
         self._start_robot()
+
+    def _open_page(self) -> None:
+        self._picture, bus = Picture(ROBOT), self._bus()
+        for kind in SHOWN:
+            bus.subscribe(kind, self._picture.take)
 
     def _bus(self, run: str | None = None, session: _Session | None = None) -> Bus:
         return Bus(session or self._session, ROBOT, run)  # pyright: ignore[reportArgumentType]
@@ -211,8 +220,11 @@ class MessageHandlers:
             return
         kind = self._kinds[data[0] % len(self._kinds)]
         payload = seal(data[1:])
+        accepted = self.outcomes["accepted"]
         self.check(kind, payload)
         self.deliver(kind, payload)
+        if kind in SHOWN and self.outcomes["accepted"] > accepted:
+            json.dumps(self._picture.snapshot(), allow_nan=False)  # which no browser could read
 
     def check(self, kind: type[Message], payload: bytes) -> None:
         """Decode; what is accepted must come out again as it went in."""
@@ -385,6 +397,7 @@ def samples(rng: np.random.Generator) -> list[Message]:
         EpisodeEnd(RUN, 700, "success", success=True, last=True),
         *(CommandMessage(RUN, n, "somebody", *command) for n, command in enumerate(commands)),
         Ack(RUN, 3, "somebody", 12, "unknown task"),
+        Drain("", WORKER, "somebody"),
         Health(RUN, "robot", "running", {"tick": 7, "load": 0.5}),
         WorkerHealth.of(RUN, ASKER, [WorkerStatus(WORKER, "answers", 800.0, 3, 0.5)]),
         TrialRequest(RUN, "w-1.0", 3, "planned", CONFIG.to_json()),
