@@ -77,7 +77,8 @@ def commands_in(shell: str) -> list[list[str]]:
                 args = ["run", *args]
             elif Path(program).name != "sumo-dist":
                 continue
-            found.append([re.sub(r"\$\{?\w+\}?", "box_push", word) for word in args])
+            whole = [re.sub(r"^\$\{?\w+\}?$", "1", word) for word in args]  # a number does, too
+            found.append([re.sub(r"\$\{?\w+\}?", "box_push", word) for word in whole])
     return found
 
 
