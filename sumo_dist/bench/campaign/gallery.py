@@ -25,7 +25,8 @@ Row = dict[str, Any]
 
 FASTER = 2  # than the robot
 _SIZE = 400, 225  # [pixels]
-_QUALITY: dict[str, Any] = {"quality": 45, "method": 6}
+_QUALITIES = 45, 30, 20, 10  # of pictures: the first by which a clip is small enough
+_MOST_BYTES = 350_000  # of a clip
 _ROWS = "gallery.json"
 _PAGE = "README.md"
 
@@ -129,9 +130,17 @@ def clip(recording: Recording, path: Path) -> None:
                 (picture.convert("RGB").resize(_SIZE, Image.Resampling.LANCZOS), duration(picture))
                 for picture in ImageSequence.Iterator(large)
             ]
-    first, *others = (picture for picture, _ in pictures)
-    durations = [milliseconds for _, milliseconds in pictures]
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, **_QUALITY)
+    write(path, [picture for picture, _ in pictures], [shown for _, shown in pictures])
+
+
+def write(path: Path, pictures: Sequence[Any], durations: Sequence[int]) -> None:
+    """Write pictures, each shown so long [ms], as an animation of at most _MOST_BYTES."""
+    first, *others = pictures
+    animation: dict[str, Any] = {"save_all": True, "append_images": others, "loop": 0, "method": 6}
+    for quality in _QUALITIES:
+        first.save(path, duration=list(durations), quality=quality, **animation)
+        if path.stat().st_size < _MOST_BYTES:
+            break
 
 
 def duration(picture: Any) -> int:
