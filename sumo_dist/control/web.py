@@ -111,7 +111,8 @@ class ControlServer:
     async def _index(self, request: web.Request) -> web.StreamResponse:
         """Answer with the page, which no other page may frame: a click there would be one here."""
         own = f"default-src 'self'; connect-src 'self' ws://{request.host} wss://{request.host}"
-        policy = f"{own}; img-src data:; frame-ancestors 'none'"
+        view = "frame-src 'self' " + " ".join(f"http://{name}:*" for name in LOCAL[:2])
+        policy = f"{own}; {view}; img-src data:; frame-ancestors 'none'"
         headers = {"Cache-Control": "no-cache", "Content-Security-Policy": policy}
         return web.FileResponse(PAGE / "index.html", headers=headers)
 

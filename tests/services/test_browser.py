@@ -48,7 +48,7 @@ class Page:
         self.tab.set_default_timeout(PATIENCE_MS)
         self.errors = []
         self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.tab.add_init_script(f"localStorage.setItem('scene', '{scene}')")
+        self.tab.add_init_script(f"if (window === top) localStorage.setItem('scene', '{scene}')")
         self.tab.goto(address)
 
     def text(self, selector):
@@ -206,7 +206,9 @@ def test_reruns_view_is_within_the_page(browser, run_system, endpoint, free_endp
         while not any("/rerun." in url and status == 200 for url, status in asked):
             assert time.monotonic() < deadline, asked
             page.tab.wait_for_timeout(100)
-        assert all(f"127.0.0.1:{port}/" in url for url, _ in asked)
+        assert all(
+            f"//127.0.0.1:{port}/" in url or f"//localhost:{port}/" in url for url, _ in asked
+        )
         page.tab.locator("#scene").uncheck()  # it costs a slow browser most of its time
         page.tab.wait_for_selector("iframe", state="hidden")
         system.kill("tracer")

@@ -6,6 +6,7 @@ import { Bars, Fleet, Header } from "./gauges.js";
 import { Line, newest } from "./line.js";
 
 const DRAG_MS = 150; // between two places of a goal that is being dragged
+const VIEW_MS = 10_000; // a tracer that is gone for less may be held up; to load Rerun again takes longer
 const STATE_S = 3.0; // a state that is older than this is told
 
 const by = (id) => document.getElementById(id);
@@ -13,6 +14,7 @@ const pending = new Pending();
 const header = new Header(), bars = new Bars();
 const fleet = new Fleet(async (name) => (await give("drain", name)).refusal);
 const floor = new Floor(document.querySelector("#floor canvas"), moveGoal);
+let viewed = -Infinity; // when a tracer was there
 let offer = null, picture = null, told = null, lost = true;
 let weights = [], parameters = [], settings = new Map();
 
@@ -110,16 +112,23 @@ function showNumbers(numbers) {
 // Rerun's page under this page's own address, so that one port is enough.
 function showView() {
   const frame = document.querySelector("#view iframe"), note = document.querySelector("#view .note");
-  const wanted = by("scene").checked, shown = wanted && picture.view;
+  if (picture.view) viewed = performance.now();
+  const wanted = by("scene").checked, shown = wanted && performance.now() - viewed < VIEW_MS;
   document.body.classList.toggle("flat", !wanted);
   note.textContent = wanted ? "No tracer on this machine shows this run in 3D." : "The 3D view is off.";
   note.hidden = shown;
   if (shown === !frame.hidden) return;
   frame.hidden = !shown;
   if (!shown) { frame.removeAttribute("src"); return; }
-  const data = `rerun+${location.protocol}//${location.host}/proxy`;
-  frame.src = `view/?url=${encodeURIComponent(data)}&hide_welcome_screen&theme=dark`;
-  frame.onload = () => frame.contentWindow.addEventListener("keydown", stopByKey, true);
+  const host = otherName(), data = `rerun+${location.protocol}//${host}/proxy`;
+  frame.src = `${location.protocol}//${host}/view/?url=${encodeURIComponent(data)}&hide_welcome_screen&theme=dark`;
+}
+
+// On this machine the view has the other name of it: a page of another site runs in a process of its
+// own, so that a browser that draws without a GPU, seconds a frame, does not hold up the stop button.
+function otherName() {
+  const other = { localhost: "127.0.0.1", "127.0.0.1": "localhost" }[location.hostname];
+  return other ? location.host.replace(location.hostname, other) : location.host;
 }
 
 function banner() {
@@ -167,6 +176,7 @@ by("scene").onchange = () => {
   localStorage.setItem("scene", by("scene").checked ? "on" : "off");
   if (picture) showView();
 };
+by("view").onmouseleave = () => window.focus(); // keys are the page's again
 by("stop").onclick = () => give("stop", "", "the page");
 by("pause").onclick = pause;
 by("step").onclick = (event) => give("step", "", event.shiftKey ? 25 : 1);

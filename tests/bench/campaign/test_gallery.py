@@ -61,5 +61,5 @@ def test_the_gallery_of_the_repository_has_every_task(pytestconfig):
     assert list(rows) == list(task_names())
     assert (folder / "README.md").read_text("utf-8") == gallery.page(rows)
     sizes = [(folder / row["clip"]).stat().st_size for row in rows.values()]
-    assert max(sizes) < 500_000
+    assert max(sizes) < 350_000
     assert sum(sizes) < 4_000_000
