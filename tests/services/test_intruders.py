@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.rollout import engine_identity
@@ -21,6 +22,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 SPEED = 0.3  # of the wall clock in realtime
 GHOSTS = 300
+# Of late plans with ten candidates of 0.4 s a joint may be faster than the guard lets it.
+CALM = PlannerConfig(rollouts=4, horizon=0.6)
 COST = load_task("spot/move_box").table.defaults
 TERMS, PARAMETERS = len(COST.weights), len(COST.parameters)
 BOTH = pytest.mark.parametrize(
@@ -228,7 +231,7 @@ def test_ghosts_that_were_there_before_two_real_workers_cost_nothing(
 
 @pytest.mark.alone
 def test_ghosts_that_come_while_two_real_workers_plan_cost_nothing(start, haunt):
-    system = start("realtime")
+    system = start("realtime", planner=CALM)
     system.after_plan(3)
     haunt(system)
     code, summary = system.finish()
