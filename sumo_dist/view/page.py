@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from contextlib import suppress
 from dataclasses import dataclass
+from http.client import HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Self
 
@@ -86,8 +87,11 @@ class _Shelf:
         """
         with self._lock:  # two browsers must not make Rerun unpack the same file twice
             if path not in self._files:
-                with _open(self._origin + path) as found:
-                    body, kind = found.read(), found.headers.get_content_type()
+                try:
+                    with _open(self._origin + path) as found:
+                        body, kind = found.read(), found.headers.get_content_type()
+                except HTTPException as error:  # it ended in the middle of an answer
+                    raise ConnectionError(str(error)) from None
                 if path == PAGE and SLOWLY_AND_STREAMED[0] in body:
                     body = body.replace(*SLOWLY_AND_STREAMED).replace(WITHOUT_STREAMS, b"")
                 tag = f'"{hashlib.blake2b(body, digest_size=12).hexdigest()}"'

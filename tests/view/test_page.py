@@ -59,6 +59,31 @@ def test_a_file_comes_with_a_policy_when_its_server_is_up():
         urllib.request.urlopen(f"{root}/app.wasm", timeout=2)
 
 
+class _Cut(BaseHTTPRequestHandler):
+    """Ends in the middle of each answer, as a viewer that is closed does."""
+
+    def do_GET(self):
+        self.send_response(200)
+        self.send_header("Content-Length", "1000")
+        self.end_headers()
+        self.wfile.write(b"half of it")
+
+    def log_message(self, *_):
+        pass
+
+
+def test_a_viewer_that_ends_in_the_middle_of_an_answer_is_told_to_the_browser(recwarn):
+    with HTTPServer(("127.0.0.1", 0), _Cut) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        port = free_port(0)
+        with PageServer(port, f"http://127.0.0.1:{server.server_port}"):
+            for path in (PROGRAM, "/other"):
+                with pytest.raises(urllib.error.HTTPError, match="502"):
+                    urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=30)
+        server.shutdown()
+    assert not recwarn.list  # of a thread that raised
+
+
 def test_the_viewers_program_is_compiled_while_it_comes():
     """Rerun's page is still the one that this is about, and asks for it in the other way."""
     with Viewer("web", "rerun+http://127.0.0.1:9/proxy") as viewer:
