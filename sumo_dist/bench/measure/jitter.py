@@ -6,7 +6,6 @@ at normal priority, in turn.
 
 import os
 import subprocess
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, table
+from sumo_dist.bench.layout import Result, run_bench, table
+from sumo_dist.bench.measure.runs import RunOptions
 from sumo_dist.episode.summary import read_summary
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError
 from sumo_dist.priority import CHOICES, VARIABLE
-from sumo_dist.provenance import cores
 from sumo_dist.terminal import say
 
 START_S = 60.0  # for the services to come up
@@ -35,24 +34,11 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options(SeedOptions):
-    """Options of `bench jitter`.
-
-    Attributes:
-        trials: runs of each kind.
-        seconds: of robot time, at most, in each run.
-        workers: worker processes of one thread each; by default one for each core.
-    """
+class Options(RunOptions):
+    """Options of `bench jitter`; see also RunOptions."""
 
     trials: int = 6
     seconds: float = 8.0
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(1, workers=self.workers)
-        if not 0 < self.seconds <= 3600:
-            raise UsageError(f"seconds must be in (0, 3600], got {self.seconds}")
 
 
 def main(options: Options) -> int:
@@ -63,26 +49,23 @@ def main(options: Options) -> int:
 
 def measure(options: Options) -> Result:
     """Run every seed with each priority."""
-    about, workers = options.about(), options.workers or cores()
+    about = options.about()
     summaries: dict[str, list[dict[str, Any]]] = {choice: [] for choice in CHOICES}
     for seed in options.seeds:
         for choice in CHOICES if seed % 2 else reversed(CHOICES):
-            summary = run(options, workers, seed, choice)
+            summary = run(options, seed, choice)
             summaries[choice].append(summary)
             say(f"seed {seed}, {choice}: p99 {summary['command_late_ms_p99']:.1f} ms")
     rows = [row(choice, found) for choice, found in summaries.items()]
-    return {**about, "workers": workers, "rows": rows}
+    return {**about, "workers": options.processes, "rows": rows}
 
 
-def run(options: Options, workers: int, seed: int, choice: str) -> dict[str, Any]:
+def run(options: Options, seed: int, choice: str) -> dict[str, Any]:
     """Make one run in processes of its own and return its summary."""
     with TemporaryDirectory() as folder:
-        given = {"seed": seed, "time-limit": options.seconds, "workers": workers, "out": folder}
-        given |= {"clock": "realtime", "speed": 1, "viewer": "none", "listen": "tcp/127.0.0.1:0"}
-        flags = [f"--{name}={value}" for name, value in given.items()]
         try:
             done = subprocess.run(
-                [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *flags],
+                options.command(seed, folder, clock="realtime", speed=1, viewer="none"),
                 env={**os.environ, VARIABLE: choice},
                 capture_output=True,
                 text=True,

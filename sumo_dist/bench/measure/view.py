@@ -8,10 +8,9 @@ import asyncio
 import re
 import shutil
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
@@ -21,18 +20,19 @@ from typing import Any
 
 import numpy as np
 
-from sumo_dist.bench.layout import Result, SeedOptions, check_at_least, run_bench, table
+from sumo_dist.bench.layout import Result, check_at_least, run_bench, table
+from sumo_dist.bench.measure.runs import RunOptions
 from sumo_dist.episode.summary import read_summary
-from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.errors import SumoError
 from sumo_dist.extras import need
-from sumo_dist.provenance import cores
 from sumo_dist.terminal import say
 
 START_S = 120.0  # for the services to come up
-WAYS = {
-    "nobody": ("--viewer=none",),
-    "recorder": ("--viewer=none", "--rrd"),
-    "page, 3D and recorder": ("--viewer=web",),
+SLOWEST = 50.0  # times real time that a run may take
+WAYS: dict[str, dict[str, object]] = {
+    "nobody": {"viewer": "none"},
+    "recorder": {"viewer": "none", "rrd": True},
+    "page, 3D and recorder": {"viewer": "web"},
 }
 COLOURED, GREY = 1500, 60  # pixels that say that there is a scene; what differs less is grey
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -48,31 +48,27 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options(SeedOptions):
-    """Options of `bench view`.
+class Options(RunOptions):
+    """Options of `bench view`; see also RunOptions.
 
     Attributes:
-        trials: runs of each kind.
-        seconds: of robot time, at most, in each run.
-        workers: worker processes of one thread each; by default one for each core.
         clock: lockstep, or realtime at --speed.
         speed: of the realtime clock.
         pictures: openings of the page in a browser; 0 leaves that out.
     """
 
-    trials: int = 5
-    seconds: float = 4.0
-    workers: int | None = None
     clock: str = "lockstep"
     speed: float = 0.5
     pictures: int = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_at_least(1, workers=self.workers)
         check_at_least(0, pictures=self.pictures)
-        if not 0 < self.seconds <= 3600:
-            raise UsageError(f"seconds must be in (0, 3600], got {self.seconds}")
+
+    def watched(self, seed: int, out: str, way: Mapping[str, object]) -> list[str]:
+        """Return the words that make a run that is watched in some way."""
+        speed = {"speed": self.speed} if self.clock == "realtime" else {}
+        return self.command(seed, out, clock=self.clock, **speed, **way)
 
 
 def main(options: Options) -> int:
@@ -84,17 +80,17 @@ def main(options: Options) -> int:
 def measure(options: Options) -> Result:
     """Run every seed in each way, then open the page some times."""
     need("view", "bench view")
-    about, workers = options.about(), options.workers or cores()
+    about = options.about()
     summaries: dict[str, list[dict[str, Any]]] = {way: [] for way in WAYS}
     for seed in options.seeds:
         for way in WAYS if seed % 2 else reversed(WAYS):
-            summaries[way].append(summary := _run(options, workers, seed, way))
+            summaries[way].append(summary := _run(options, seed, way))
             say(f"seed {seed}, {way}: p50 {summary['plan_ms_p50']:.1f} ms")
     rows = [row(way, found, summaries["nobody"]) for way, found in summaries.items()]
-    opened = [_opened(options, workers) for _ in range(options.pictures)]
+    opened = [_opened(options) for _ in range(options.pictures)]
     return {
         **about,
-        "workers": workers,
+        "workers": options.processes,
         "clock": options.clock,
         "speed": options.speed if options.clock == "realtime" else None,
         "rows": rows,
@@ -102,23 +98,15 @@ def measure(options: Options) -> Result:
     }
 
 
-def _command(options: Options, workers: int, seed: int, out: str) -> list[str]:
-    given = {"seed": seed, "time-limit": options.seconds, "workers": workers, "out": out}
-    given |= {"clock": options.clock, "listen": "tcp/127.0.0.1:0"}
-    if options.clock == "realtime":
-        given["speed"] = options.speed
-    flags = [f"--{name}={value}" for name, value in given.items()]
-    return [sys.executable, "-P", "-m", "sumo_dist", "run", options.task, *flags]
-
-
-def _run(options: Options, workers: int, seed: int, way: str) -> dict[str, Any]:
+def _run(options: Options, seed: int, way: str) -> dict[str, Any]:
     """Make one run in processes of its own and return its summary."""
     with TemporaryDirectory() as folder:
-        command = [*_command(options, workers, seed, folder), *WAYS[way]]
-        with Launched(command) as run:
-            if "--viewer=web" in command:
+        with Launched(options.watched(seed, folder, WAYS[way])) as run:
+            if WAYS[way]["viewer"] == "web":
                 threading.Thread(target=_watch, args=(run,), daemon=True).start()
-            code = run.wait()
+            code = run.wait(START_S + SLOWEST * options.seconds)
+        if code is None:
+            raise SumoError(f"the run with seed {seed} hung: {run.said[-500:]}")
         if code not in (0, 1):
             raise SumoError(f"the run with seed {seed} failed: {run.said[-500:]}")
         return read_summary(Path(folder))
@@ -153,9 +141,11 @@ class Launched:
             time.sleep(0.01)
         return self.address
 
-    def wait(self) -> int:
-        """Return the exit code."""
-        return self._process.wait()
+    def wait(self, timeout: float) -> int | None:
+        """Return the exit code; None if it has not ended in a time [s]."""
+        with suppress(subprocess.TimeoutExpired):
+            return self._process.wait(timeout)
+        return None
 
     def __enter__(self) -> "Launched":
         return self
@@ -180,7 +170,7 @@ def _watch(run: Launched) -> None:
         asyncio.run(watch())
 
 
-def _opened(options: Options, workers: int) -> dict[str, float]:
+def _opened(options: Options) -> dict[str, float]:
     """Start a run and open its page in a new browser; return when what was seen [s].
 
     The browser runs before the run is started, as that of somebody who works with it does.
@@ -200,7 +190,8 @@ def _opened(options: Options, workers: int) -> dict[str, float]:
         tab = chromium.new_page(viewport={"width": 1600, "height": 900})
         tab.set_default_timeout(START_S * 1e3)
         began = time.monotonic()
-        with Launched([*_command(options, workers, 1, folder), "--viewer=web", "--stay"]) as run:
+        page = options.watched(1, folder, {"viewer": "web", "stay": True})
+        with Launched(page) as run:
             address = run.wait_for_page()
             seen = {"address_s": time.monotonic() - began}
             tab.goto(address)

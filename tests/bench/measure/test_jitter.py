@@ -38,7 +38,7 @@ def test_medians_and_ranges_are_over_runs():
 @pytest.mark.slow
 def test_a_run_that_fails_is_said():
     with pytest.raises(SumoError, match=r"the run with seed 1 failed: .*unknown task"):
-        jitter.run(jitter.Options(task="spot/nothing"), 1, 1, "normal")
+        jitter.run(jitter.Options(task="spot/nothing", workers=1), 1, "normal")
 
 
 @pytest.mark.slow

@@ -43,13 +43,13 @@ def test_a_grey_picture_has_no_coloured_pixels():
 def test_without_a_browser_it_says_so(monkeypatch):
     monkeypatch.setattr(view.shutil, "which", lambda name: None)
     with pytest.raises(SumoError, match="no browser is here: one of chromium"):
-        view._opened(view.Options(), 1)
+        view._opened(view.Options())
 
 
 @pytest.mark.slow
 def test_a_run_that_fails_is_said():
     with pytest.raises(SumoError, match=r"the run with seed 1 failed: .*unknown task"):
-        view._run(view.Options(task="spot/nothing"), 1, 1, "nobody")
+        view._run(view.Options(task="spot/nothing", workers=1), 1, "nobody")
 
 
 @pytest.mark.slow
