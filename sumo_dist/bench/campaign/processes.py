@@ -13,7 +13,9 @@ from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
 from sumo_dist.errors import SumoError, TaskError
+from sumo_dist.launch.launcher import cause
 from sumo_dist.startup import WithoutGraphics
+from sumo_dist.terminal import say
 
 J = TypeVar("J")
 
@@ -137,6 +139,8 @@ class JobProcess:
         try:
             result = self._ours.recv()
         except EOFError:
+            self._process.join()
+            say(f"the process of a job ended: {cause(self._process.exitcode or 0)}")
             result = None
         if isinstance(result, SumoError):
             raise result
