@@ -113,7 +113,7 @@ class Tracer:
         self._begin(1)
 
     def _begin(self, iterations: int) -> None:
-        """Expect an episode of whose plans the last of some iterations is shown."""
+        """Expect an episode of whose plans the last of some iterations is shown at first."""
         self._iterations = iterations
         self._candidates = Candidates()
         self._questions = deque[Question](maxlen=QUESTIONS)
@@ -232,7 +232,9 @@ class Tracer:
     def _follow_settings(self, logger: "RunLogger", question: Question) -> None:
         if question.settings != self._settings:
             self._settings = question.settings
-            logger.follow_settings(PlannerConfig.from_settings(question.settings))
+            planner = PlannerConfig.from_settings(question.settings)
+            self._iterations = planner.iterations
+            logger.follow_settings(planner)
 
     def _presence(self, item: Presence) -> None:
         if item.alive:

@@ -10,7 +10,7 @@ from sumo_dist.planner.ranges import Range, parameter_ranges, setting_ranges, we
 from sumo_dist.tasks import task_names
 from sumo_dist.tasks.task import Task
 
-FIXED = ("nodes", "iterations")  # of an episode: its recording has one shape of plan
+FIXED = ("nodes",)  # of an episode, see `PlannerConfig.steered`
 
 
 def offer(config: EpisodeConfig, task: Task, floor: FloorPlan) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from sumo_dist.planner.evaluate import TRACE_POINTS
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.record.recording import Recording
-from sumo_dist.record.reports import report
+from sumo_dist.record.reports import planner_at, report
 from sumo_dist.record.world import changed_versions, unchanged_task
 from sumo_dist.rollout import ENGINES, engine_identity
 from sumo_dist.tasks.task import Task
@@ -255,13 +255,7 @@ def _check(recording: Recording, config: EpisodeConfig, task: Task, change: Chan
     if change.seed is not None:
         replace(config, seed=change.seed)  # is it one?
     task.table.adjusted(change.weight, change.param)
-    planner = config.planner
-    for said in recording.operator:
-        if said["verb"] == "planner" and said["tick"] <= change.tick:
-            planner = planner.with_settings([f"{said['name']}={said['value']}"])
-    changed = planner.with_settings(change.set)
-    if changed.nodes != planner.nodes:
-        raise UsageError("nodes are an episode's: they cannot change while it runs")
+    changed = planner_at(recording, change.tick).steered(change.set)
     task.check_settings(changed)
 
 

@@ -130,9 +130,7 @@ class Controls:
             case "parameter":
                 self.cost = table.adjusted([], [f"{name}={value}"], self.cost)
             case "planner":
-                planner = self.planner.with_settings([f"{name}={value}"])
-                if planner.nodes != self.planner.nodes:
-                    raise UsageError("nodes are an episode's: they cannot change while it runs")
+                planner = self.planner.steered([f"{name}={value}"])
                 self._task.check_settings(planner)
                 self.planner = planner
             case "reset":

@@ -148,6 +148,16 @@ class PlannerConfig:
                 raise _wrong_type(key, kind, text) from None
         return replace(self, **changes)
 
+    def steered(self, settings: Iterable[str]) -> "PlannerConfig":
+        """Apply "key=value" texts as `with_settings`, but for what cannot change in an episode.
+
+        Its recording has one number of nodes.
+        """
+        changed = self.with_settings(settings)
+        if changed.nodes != self.nodes:
+            raise UsageError("nodes are an episode's: they cannot change while it runs")
+        return changed
+
     @staticmethod
     def _kind(key: str) -> type:
         """Type of a setting."""

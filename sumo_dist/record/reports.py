@@ -50,10 +50,15 @@ def report(recording: Recording, i: int, planner: PlannerConfig) -> PlanReport:
 
 def planners(recording: Recording) -> Iterator[PlannerConfig]:
     """Yield the settings that each recorded plan was made with: an operator may change them."""
-    planner = PlannerConfig.from_settings(recording.config["episode"]["planner"])
-    changes = [said for said in recording.operator if said["verb"] == "planner"]
     for tick in recording.plan_ticks:
-        while changes and changes[0]["tick"] <= tick:
-            said = changes.pop(0)
-            planner = planner.with_settings([f"{said['name']}={said['value']}"])
-        yield planner
+        yield planner_at(recording, int(tick))
+
+
+def planner_at(recording: Recording, tick: int) -> PlannerConfig:
+    """Return the settings by which an operator has plans made at a tick."""
+    planner = PlannerConfig.from_settings(recording.config["episode"]["planner"])
+    return planner.with_settings(
+        f"{said['name']}={said['value']}"
+        for said in recording.operator
+        if said["verb"] == "planner" and said["tick"] <= tick
+    )
