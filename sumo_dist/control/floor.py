@@ -7,9 +7,9 @@ import numpy as np
 
 from sumo_dist.model.index import StateIndex, label
 from sumo_dist.model.scene import PLANT, compile_model
+from sumo_dist.model.visible import drawn
 from sumo_dist.tasks.task import Task
 
-VISIBLE_GROUPS = 3  # geom groups 0, 1, 2 are drawn, as in MuJoCo's own viewer
 MILLIMETRES = 3  # decimals of what is sent [m]
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 
@@ -29,9 +29,9 @@ class FloorPlan:
         self._robot = int(model.body_rootid[model.body(task.scene.robot.base).id])
         kinds = model.geom_type
         flat = (kinds == mujoco.mjtGeom.mjGEOM_PLANE) | (kinds == mujoco.mjtGeom.mjGEOM_HFIELD)
-        drawn = np.flatnonzero((model.geom_group < VISIBLE_GROUPS) & ~flat)
-        still = model.body_weldid[model.geom_bodyid[drawn]] == 0
-        self._still, self._moving = drawn[still], drawn[~still]
+        seen = np.flatnonzero(drawn(model) & ~flat)
+        still = model.body_weldid[model.geom_bodyid[seen]] == 0
+        self._still, self._moving = seen[still], seen[~still]
         bases = [b for b in range(1, model.nbody) if _is_free(model, b)]
         self._bodies = sorted(bases, key=lambda b: model.body_rootid[b] != self._robot)
         self.frames = [

@@ -6,10 +6,9 @@ import mujoco
 import numpy as np
 
 from sumo_dist.model.index import label
+from sumo_dist.model.visible import drawn, height_field, rgba
 
 WORLD = "world"  # name of the frame that all others are in
-_GROUPS = 3  # of geoms that are drawn, as in MuJoCo's own viewer
-_NO_COLOR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's default: the material decides
 _FIELD_LINES = 60  # of a height field in each direction, at most
 _Geom = mujoco.mjtGeom
 _STILL = {"sec": 0, "nsec": 0}
@@ -19,9 +18,7 @@ Entity = dict[str, Any]
 
 def entities(model: mujoco.MjModel) -> list[Entity]:
     """Return a model's visible geoms as foxglove.SceneEntity, each in its body's frame."""
-    found, visible = list[Entity](), model.geom_group < _GROUPS
-    things = model.body_rootid[model.geom_bodyid]
-    visible |= ~np.isin(things, things[visible])  # all, of what would else not be seen
+    found, visible = list[Entity](), drawn(model)
     for body in range(model.nbody):
         geoms = np.flatnonzero((model.geom_bodyid == body) & visible)
         primitives: dict[str, list[Any]] = {k: [] for k in _KINDS}
@@ -63,15 +60,15 @@ def pose(position: np.ndarray, wxyz: np.ndarray) -> dict[str, Any]:
     return {"position": vector(position), "orientation": quaternion(wxyz)}
 
 
-def color(rgba: np.ndarray) -> dict[str, float]:
-    """Return (4,) in [0, 1] as foxglove.Color."""
-    return dict(zip("rgba", np.round(np.asarray(rgba, float), 4).tolist(), strict=True))
+def color(numbers: np.ndarray) -> dict[str, float]:
+    """Return RGBA (4,) in [0, 1] as foxglove.Color."""
+    return dict(zip("rgba", np.round(np.asarray(numbers, float), 4).tolist(), strict=True))
 
 
 def _primitives(model: mujoco.MjModel, geom: int) -> list[tuple[str, dict[str, Any]]]:
     kind, size = _Geom(model.geom_type[geom]), model.geom_size[geom]
     position, turn = model.geom_pos[geom], model.geom_quat[geom]
-    look = {"color": color(_color(model, geom))}
+    look = {"color": color(rgba(model, geom))}
     at = {"pose": pose(position, turn), **look}
     round_ = {"bottom_scale": 1.0, "top_scale": 1.0}
     tube = np.array([2 * size[0], 2 * size[0], 2 * size[1]])
@@ -122,22 +119,5 @@ def _mesh(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _field(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) and triangles (F, 3) of a height field, thinned."""
-    field = model.geom_dataid[geom]
-    nrow, ncol, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
-    x, y, top, _ = model.hfield_size[field]
-    rows, columns = (
-        np.unique(np.linspace(0, n - 1, min(n, _FIELD_LINES)).round().astype(int))
-        for n in (nrow, ncol)
-    )
-    heights = model.hfield_data[first : first + nrow * ncol].reshape(nrow, ncol)
-    across, along = np.meshgrid(x * (2 * columns / (ncol - 1) - 1), y * (2 * rows / (nrow - 1) - 1))
-    points = np.stack([across, along, top * heights[np.ix_(rows, columns)]], axis=-1)
-    corner = np.arange(points[..., 0].size).reshape(points.shape[:2])
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
-    return points.reshape(-1, 3), np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-
-
-def _color(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """RGBA (4,) by MuJoCo's rule: the geom's own, else its material's."""
-    rgba, material = model.geom_rgba[geom], model.geom_matid[geom]
-    return model.mat_rgba[material] if material >= 0 and np.array_equal(rgba, _NO_COLOR) else rgba
+    points, triangles = height_field(model, geom, _FIELD_LINES)
+    return points.reshape(-1, 3), triangles

@@ -20,11 +20,13 @@ from sumo_dist.view.foresight import EVERY_TICKS, Ahead
 from sumo_dist.view.marks import GHOST, ON_FLOOR, line_color
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.plots import LEAD_TICKS, PlotLog, compared
-from sumo_dist.view.scene import SceneLog
+from sumo_dist.view.scene import SceneLog, Twin
 
 WAY_POINTS = 16  # of a planned way
 
 TERMS = Chart("charts/terms", "s")
+
+TWIN = Twin("world/plan/twin", "plan", GHOST)
 
 
 class AheadLog:
@@ -36,7 +38,7 @@ class AheadLog:
         self._plots = plots
         self._forces: Forces | None = None  # of the planning model
         self._data = mujoco.MjData(model)
-        self._twin = SceneLog(out, model, chunk_ticks=1, twin=True)
+        self._twin = SceneLog(out, model, chunk_ticks=1, twin=TWIN)
         self._begun = False
         self._rows: deque[tuple[int, np.ndarray]] = deque()  # forces at ticks to come
         self._expected: deque[tuple[int, Mapping[str, np.ndarray]]] = deque()

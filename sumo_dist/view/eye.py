@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sumo_dist.view.shapes import VISIBLE_GROUPS
+from sumo_dist.model.visible import VISIBLE_GROUPS
 
 _STEP = 15.0  # between the sides that are tried [deg]
 

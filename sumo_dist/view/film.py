@@ -22,6 +22,7 @@ from sumo_dist.view.marks import (
     ELITE,
     GOAL,
     ON_FLOOR,
+    RECORDED,
     SHOWN,
     TRACE_POINTS,
     eye_azimuth,
@@ -31,7 +32,7 @@ from sumo_dist.view.marks import (
     way_colors,
 )
 from sumo_dist.view.replay import NO_GRAPHICS, STRIP, episode
-from sumo_dist.view.trails import RECORDED, ways
+from sumo_dist.view.ways import ways
 
 FPS = {".mp4": 25.0, ".gif": 12.5, ".webp": 12.5}  # at most one frame a tick
 _SMALL = 640, 360

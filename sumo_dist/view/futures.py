@@ -2,21 +2,23 @@
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 import rerun as rr
 
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
-from sumo_dist.view.marks import ON_FLOOR, Color
+from sumo_dist.view.marks import ON_FLOOR, RECORDED, Color
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.plots import Plot
-from sumo_dist.view.trails import RECORDED, ways
-from sumo_dist.view.twin import TwinLog
+from sumo_dist.view.scene import SceneLog, Twin
+from sumo_dist.view.ways import ways
 
 TWIN_TICKS = 5  # of robot time between two poses of the twin
 _WAY_TICKS = 25  # between points of its way
 _NEW: Color = (66, 146, 214)
 _LINES = ("what if", "recorded")
+_TWIN = Twin("world/recorded", "recorded", RECORDED)
 
 
 def plots_of(recording: Recording) -> tuple[Plot, ...]:
@@ -36,7 +38,8 @@ class OtherFuture:
     ) -> None:
         """Compare a run with another one that was the same up to a tick."""
         self._out, self._states, self._tick = out, other.states, tick
-        self._twin = TwinLog(out, world.model, "world/recorded", RECORDED)
+        self._model, self._data = world.model, mujoco.MjData(world.model)
+        self._twin = SceneLog(out, world.model, chunk_ticks=1, twin=_TWIN)
         self._ways = ways(world, list(other.states[tick:]))
         for plot in plots_of(run):
             look = rr.SeriesLines(names=plot.lines, colors=[_NEW, RECORDED])
@@ -44,11 +47,18 @@ class OtherFuture:
         self._log_costs(run, other)
 
     def log(self, tick: int) -> None:
-        """Draw the other future at a tick; after its end it stays as it ended."""
-        if tick < self._tick or tick % TWIN_TICKS or tick >= len(self._states) + TWIN_TICKS:
+        """Draw the other future at a tick; after its end it stays as it ended.
+
+        Until they part, the twin is where the robot is.
+        """
+        if tick % TWIN_TICKS or tick >= len(self._states) + TWIN_TICKS:
             return
         at = min(tick, len(self._states) - 1)
-        self._twin.show(tick, self._states[at])
+        self._data.qpos[:] = self._states[at][: self._model.nq]
+        mujoco.mj_kinematics(self._model, self._data)
+        self._twin.add(tick, self._data)
+        if tick < self._tick:
+            return
         for name, way in self._ways.items():
             points = way[: at - self._tick + 1 : _WAY_TICKS] * [1, 1, 0] + [0, 0, ON_FLOOR]
             strip = rr.LineStrips3D([points], colors=[RECORDED], radii=rr.Radius.ui_points(2.0))

@@ -11,6 +11,7 @@ ELITE: Color = (255, 255, 255)
 GOAL: Color = (64, 224, 140)
 LIMB: Color = (255, 214, 102)
 GHOST: Color = (170, 200, 255)
+RECORDED: Color = (255, 120, 110)  # of a recorded future beside the one that is shown
 _ROBOT: Color = (96, 190, 255)
 _OBJECTS: tuple[Color, ...] = ((255, 138, 60), (222, 184, 96), (226, 110, 140), (176, 150, 230))
 ON_FLOOR = 0.012  # height of what is drawn on the floor, so that it is not hidden [m]

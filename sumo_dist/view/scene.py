@@ -1,5 +1,6 @@
 """A compiled model in Rerun: its geometry once, then the poses of its bodies."""
 
+from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
@@ -7,9 +8,26 @@ import numpy as np
 import rerun as rr
 
 from sumo_dist.model.index import label
+from sumo_dist.model.visible import drawn
 from sumo_dist.view.about import legible
+from sumo_dist.view.marks import Color
 from sumo_dist.view.outputs import Outputs
-from sumo_dist.view.shapes import drawn, shape
+from sumo_dist.view.shapes import shape
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A translucent second one of all that moves in a scene.
+
+    Attributes:
+        root: of its entities.
+        name: of what it is the twin of, for people.
+        color: of it.
+    """
+
+    root: str
+    name: str
+    color: Color
 
 
 class SceneLog:
@@ -19,7 +37,7 @@ class SceneLog:
     """
 
     def __init__(
-        self, out: Outputs, model: mujoco.MjModel, chunk_ticks: int, twin: bool = False
+        self, out: Outputs, model: mujoco.MjModel, chunk_ticks: int, twin: Twin | None = None
     ) -> None:
         """Log the geometry; poses go out every `chunk_ticks` ticks and on flush.
 
@@ -27,17 +45,18 @@ class SceneLog:
             out: where to write.
             model: of the scene.
             chunk_ticks: poses that are sent at a time.
-            twin: log a pale twin of all that moves, in place of the scene itself.
+            twin: log this one in place of the scene itself.
         """
         self._out, self._model = out, model
-        self._chunk_ticks, self._twin = chunk_ticks, twin
-        self._root = "world/plan/twin" if twin else "world"
+        self._chunk_ticks, self._color = chunk_ticks, None if twin is None else twin.color
+        self._root = "world" if twin is None else twin.root
         geoms = np.flatnonzero(drawn(model))
-        if twin:
+        if twin is not None:
             geoms = geoms[model.body_weldid[model.geom_bodyid[geoms]] != 0]
         self._bodies = sorted({int(body) for body in model.geom_bodyid[geoms]} - {0})
         names = _names(model, "body", model.nbody)
-        self._frames = {body: f"plan of {name}" if twin else name for body, name in names.items()}
+        of = "" if twin is None else f"{twin.name} of "
+        self._frames = {body: f"{of}{name}" for body, name in names.items()}
         self._geom_names = _names(model, "geom", model.ngeom)
         self._full_chunk_frames = self._child_frames(chunk_ticks)  # encoded once
         self._ticks: list[int] = []
@@ -71,7 +90,7 @@ class SceneLog:
 
     def _log_geom(self, geom: int) -> None:
         model = self._model
-        found = shape(model, geom, self._twin)
+        found = shape(model, geom, self._color)
         if found is None:
             return
         body, name = int(model.geom_bodyid[geom]), self._geom_names[geom]

@@ -7,16 +7,15 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from sumo_dist.view.marks import GHOST
+from sumo_dist.model.visible import height_field, rgba
+from sumo_dist.view.marks import Color
 
-VISIBLE_GROUPS = 3  # geom groups 0, 1, 2 are drawn, as in MuJoCo's own viewer; 3 is collision
 HFIELD_LINES = 100  # of a height field that are drawn in each direction, at most
 TEXTURE_PIXELS = 256  # of a texture in each direction, at most
 TWIN_FACES = 1500  # of a mesh; one with more has the box around it as its twin
 GROUND = (66, 72, 83)
 
-_TWIN = (*GHOST, 110)
-_NO_COLOR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's default: the material decides
+_TWIN_ALPHA = 110
 _FLOOR = "floor/ground"  # the scene's own, which every task has
 _Geom = mujoco.mjtGeom
 _RGB = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
@@ -39,27 +38,21 @@ class _Look:
         return {"colors": [self.color], "fill_mode": fill}
 
 
-def drawn(model: mujoco.MjModel) -> np.ndarray:
-    """Mask (ngeom,) of the geoms that are drawn: the visible; all, of what would not be seen."""
-    clear = np.array([_rgba(model, geom)[3] == 0.0 for geom in range(model.ngeom)], bool)
-    visible = (model.geom_group < VISIBLE_GROUPS) & ~clear
-    things = model.body_rootid[model.geom_bodyid]
-    return visible | ~np.isin(things, things[visible])
-
-
-def shape(model: mujoco.MjModel, geom: int, twin: bool = False) -> Shape | None:
+def shape(model: mujoco.MjModel, geom: int, twin: Color | None = None) -> Shape | None:
     """Return a geom's shape; None for a kind that is not drawn.
 
     Args:
         model: of the scene.
         geom: its number.
-        twin: pale and translucent; a large mesh by the box around it.
+        twin: translucent in this colour, a large mesh by the box around it; None for as it is.
     """
     kind = _Geom(model.geom_type[geom])
     if kind not in _SHAPES:
         return None
-    look = _Look(_TWIN if twin else color(model, geom), twin)
-    if twin and kind in _MESHES and model.mesh_facenum[model.geom_dataid[geom]] > TWIN_FACES:
+    look = _Look(color(model, geom), False)
+    if twin is not None:
+        look = _Look((*twin, _TWIN_ALPHA), True)
+    if look.twin and kind in _MESHES and model.mesh_facenum[model.geom_dataid[geom]] > TWIN_FACES:
         centre, half = np.split(model.geom_aabb[geom], 2)
         return rr.Boxes3D(half_sizes=[half], **look.solid), centre
     return _SHAPES[kind](model, geom, look)
@@ -71,19 +64,12 @@ def color(model: mujoco.MjModel, geom: int) -> np.ndarray:
     A texture tints it by its mean, but where it is drawn itself. What MuJoCo draws not at all is
     opaque here: it is only drawn where nothing else of the thing is.
     """
-    rgba = _rgba(model, geom).astype(float)
+    found = rgba(model, geom).astype(float)
     texture = _texture(model, geom)
     if texture is not None and not _has_texcoords(model, geom):
-        rgba[:3] *= texture.reshape(-1, texture.shape[2])[:, :3].mean(axis=0) / 255.0
-    rgba[3] = rgba[3] or 1.0
-    return (rgba.clip(0.0, 1.0) * 255).round().astype(np.uint8)
-
-
-def _rgba(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    rgba, material = model.geom_rgba[geom], model.geom_matid[geom]
-    if material >= 0 and np.array_equal(rgba, _NO_COLOR):
-        return model.mat_rgba[material]
-    return rgba
+        found[:3] *= texture.reshape(-1, texture.shape[2])[:, :3].mean(axis=0) / 255.0
+    found[3] = found[3] or 1.0
+    return (found.clip(0.0, 1.0) * 255).round().astype(np.uint8)
 
 
 def _texture(model: mujoco.MjModel, geom: int) -> np.ndarray | None:
@@ -138,28 +124,15 @@ def _plane(model: mujoco.MjModel, geom: int, look: _Look) -> Shape:
 
 
 def _hfield(model: mujoco.MjModel, geom: int, look: _Look) -> Shape:
-    field = model.geom_dataid[geom]
-    nrow, ncol, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
-    x, y, top, _ = model.hfield_size[field]
-    rows, columns = _thinned(nrow), _thinned(ncol)
-    heights = model.hfield_data[first : first + nrow * ncol].reshape(nrow, ncol)
-    across, along = np.meshgrid(x * (2 * columns / (ncol - 1) - 1), y * (2 * rows / (nrow - 1) - 1))
-    points = np.stack([across, along, top * heights[np.ix_(rows, columns)]], axis=-1)
-    corner = np.arange(points[..., 0].size).reshape(points.shape[:2])
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
-    slope_y, slope_x = np.gradient(points[..., 2], along[:, 0], across[0])
+    points, triangles = height_field(model, geom, HFIELD_LINES)
+    slope_y, slope_x = np.gradient(points[..., 2], points[:, 0, 1], points[0, :, 0])
     mesh = rr.Mesh3D(
         vertex_positions=points.reshape(-1, 3),
         vertex_normals=np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], -1).reshape(-1, 3),
-        triangle_indices=np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3),
+        triangle_indices=triangles,
         albedo_factor=look.color,
     )
     return mesh, np.zeros(3)
-
-
-def _thinned(lines: int) -> np.ndarray:
-    """Which of a height field's rows or columns are drawn."""
-    return np.unique(np.linspace(0, lines - 1, min(lines, HFIELD_LINES)).round().astype(int))
 
 
 def _mesh(model: mujoco.MjModel, geom: int, look: _Look) -> Shape:

@@ -180,10 +180,14 @@ def test_another_future_is_a_run_of_its_own_beside_the_run(branched, tmp_path, c
     assert main(["replay", f"{run}-what-if", "--verify"]) == 0
     assert capsys.readouterr().out == "12 plans and 31 states repeat to the last bit\n"
     rrd = read_rrd(file)
-    assert {"/world/recorded/capsules", "/world/recorded/trail/base"} <= rrd.timed.keys()
-    times = [time.total_seconds() for time in rrd.timed["/world/recorded/capsules"]["sim_time"]]
-    assert times[0] == pytest.approx(0.2)
-    assert times[-2:] == pytest.approx([0.5, 0.6])  # it stays as it ended
+    assert {"/world/recorded/poses", "/world/recorded/trail/base"} <= rrd.timed.keys()
+    poses, way = (
+        sorted({time.total_seconds() for time in rrd.timed[f"/world/recorded/{of}"]["sim_time"]})
+        for of in ("poses", "trail/base")
+    )
+    assert poses[:2] == pytest.approx([0.0, 0.1])  # at first it is where the robot is
+    assert poses[-2:] == pytest.approx([0.5, 0.6])  # it stays as it ended
+    assert way[0] == pytest.approx(0.2)
     assert rrd.static["/plots/futures/whole"]["SeriesLines:names"] == [["what if", "recorded"]]
     whole = np.array(rrd.timed["/plots/futures/whole"]["Scalars:scalars"], float)
     assert np.isfinite(whole[:6]).all()
@@ -191,7 +195,7 @@ def test_another_future_is_a_run_of_its_own_beside_the_run(branched, tmp_path, c
 
     again = tmp_path / "again.rrd"  # shown later, it still has the run beside it
     assert main(["replay", f"{run}-what-if", "--save", str(again)]) == 0
-    assert "/world/recorded/capsules" in read_rrd(again).timed
+    assert "/world/recorded/poses" in read_rrd(again).timed
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sumo_dist.view.ahead import TWIN
 from sumo_dist.view.outputs import Outputs
 from sumo_dist.view.rrd_file import RrdFile
 from sumo_dist.view.scene import SceneLog, left_out
@@ -126,7 +127,7 @@ def drawn(tmp_path, read_rrd):
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         with Outputs("test", RrdFile(tmp_path / "run.rrd", pytest.fail)) as out:
-            for twin in (False, True):
+            for twin in (None, TWIN):
                 SceneLog(out, model, 1, twin).add(0, data)
         rrd = read_rrd(tmp_path / "run.rrd")
         return model, rrd.static, rrd.timed.get("/world/poses")

@@ -6,9 +6,7 @@ import numpy as np
 
 from sumo_dist.episode.referee import Referee
 from sumo_dist.record.world import World
-from sumo_dist.view.marks import Color, way_colors
-
-RECORDED: Color = (255, 120, 110)  # of a recorded future beside the one that is shown
+from sumo_dist.view.marks import way_colors
 
 
 def ways(world: World, states: Iterable[np.ndarray]) -> dict[str, np.ndarray]:
