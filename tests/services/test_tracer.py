@@ -2,6 +2,7 @@ import logging
 import socket
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ start_viewer = viewers._start
 def report(number, finite=None):
     costs = np.arange(ROLLOUTS, dtype=float)[::-1] + 1.0
     finite = np.ones(ROLLOUTS, bool) if finite is None else np.array(finite)
-    plan = Plan(number, 5 * number // 2, np.zeros((4, 2), np.float32), 1.5, "linear")
+    plan = Plan(number, 5 * number // 2, np.zeros((4, 9), np.float32), 1.5, "linear")
     made_of = np.where(finite, costs, 0.0), finite, np.ones(TERMS)
     return PlanReport(plan, *made_of, COST.weights, COST.parameters, 30.0, 1.0)
 
@@ -198,6 +199,32 @@ def test_a_run_on_the_bus_becomes_a_file_and_the_tracer_ends_with_it(tracing, tm
         "the run has ended: success",
     ]
     assert texts.count("the run has ended: success") == 1  # though it is told until it is heard
+
+
+def test_of_a_plan_in_several_iterations_the_last_is_shown_also_where_they_were_changed(
+    tracing, tmp_path, read_rrd
+):
+    """As by `ctl planner iterations=2`: the episode began with one."""
+    start, thread, _ = tracing
+    state = draw_start(load_task("spot/move_box"), 1)
+    settings = vars(PlannerConfig("cem", iterations=2))
+    question = Question(
+        *("r", 0, 0, "lockstep", 1.0, state, np.zeros(12, np.float32), None),
+        *(COST.weights, COST.parameters, settings),
+    )
+    with start() as bus:
+        publish_run(bus, ticks=1)  # the plan 0 of one iteration
+        bus.publish(question)
+        time.sleep(0.2)
+        for iteration in (0, 1):
+            paths = shard(2, 0, ROLLOUTS, iteration=iteration)  # every second plan is drawn
+            own = {"robot": bus.robot, "traces": np.full_like(paths.traces, 7.0 + iteration)}
+            bus.publish(replace(paths, **own))
+            time.sleep(0.1)
+        bus.publish(PlanMessage.of("r", report(2)))
+        end_run(bus, thread)
+    samples = read_rrd(tmp_path / "run.rrd").timed["/world/plan/samples"]["LineStrips3D:strips"]
+    assert np.unique(np.array(samples[-1])).tolist() == [8.0]
 
 
 def test_what_a_tracer_that_died_has_written_is_left_alone(tracing, tmp_path, read_rrd):
