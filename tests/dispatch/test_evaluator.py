@@ -286,10 +286,10 @@ def test_rows_that_diverged_are_answered_and_worst(party):
 
 @pytest.mark.parametrize(
     "lie",
-    [
+    [  # no part of a plan of ten has these
         {"terms": np.zeros((10, 7)), "valid": np.ones(10, bool)},
-        {"terms": np.zeros((3, TERMS)), "valid": np.ones(3, bool)},
-        {"start": 3},
+        {"terms": np.zeros((11, TERMS)), "valid": np.ones(11, bool)},
+        {"start": 10},
     ],
 )
 def test_a_worker_whose_answer_does_not_fit_is_left_out(party, lie, monkeypatch):
