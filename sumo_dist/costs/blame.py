@@ -122,11 +122,14 @@ def _reason(error: BaseException) -> str:
 
 
 def _raised_by_code(error: BaseException) -> bool:
-    """Whether an error came of a `raise`: a signal may come anywhere else."""
+    """Whether an error came of a `raise` that is not ours: a signal may come anywhere.
+
+    The handler of `signals.interruptible` is ours, and the last that the traceback names.
+    """
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
-    if trace is None:
+    if trace is None or _root_of(trace.tb_frame) == _OURS:
         return False
     return trace.tb_frame.f_code.co_code[trace.tb_lasti] == dis.opmap["RAISE_VARARGS"]
 

@@ -5,6 +5,7 @@ import importlib
 import re
 import signal
 import threading
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from sumo_dist.costs.blame import blamed, caller, defined, truths_of, values_of
 from sumo_dist.costs.view import View
 from sumo_dist.errors import TaskError, UsageError
+from sumo_dist.signals import interruptible
 from sumo_dist.tasks.terms import distance
 
 HERE = "test_blame.py, line "
@@ -89,12 +91,14 @@ def test_a_task_error_passes_as_it_is():
         raise ValueError
 
 
-def test_ctrl_c_is_nobodys_fault():
+@pytest.mark.parametrize("handled", ["by Python", "by the command line"])
+def test_ctrl_c_is_nobodys_fault(handled):
     """A signal interrupts the code anywhere; none of its statements raises."""
     assert threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    ours = interruptible() if handled == "by the command line" else nullcontext()
     try:
-        with pytest.raises(KeyboardInterrupt), blamed("reset"):
+        with ours, pytest.raises(KeyboardInterrupt), blamed("reset"):
             _thread.interrupt_main()
             while True:
                 pass

@@ -179,8 +179,10 @@ def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(
 ):
     system = start("lockstep")
     system.after_plan(3)
+    assert system.command("pause").refusal == ""  # the run waits for the second to have come
     second = system.start_like("local-0", "second")
     assert second.wait(60.0) == 3
+    assert system.command("resume").refusal == ""
     said = f"a worker named 'local-0' is at {system.endpoint} already: give this one another"
     assert said in capfd.readouterr().err
     code, summary = system.finish()
