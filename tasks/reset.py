@@ -14,6 +14,7 @@ from sumo_dist.costs.fields import checked_number
 from sumo_dist.costs.parameters import NO_PARAMETERS, Parameters
 from sumo_dist.costs.view import View, ViewLayout
 from sumo_dist.errors import SumoError, UsageError
+from sumo_dist.math.rotations import from_rotation_vector, multiply
 from sumo_dist.model.files import find_model
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.index import StateIndex
@@ -175,21 +176,28 @@ class OnFloor:
 
 @dataclass(frozen=True)
 class Dropped:
-    """An object lies as it came to rest after a fall in any attitude, the robot taken away.
+    """An object lies as it came to rest after a fall, the robot taken away.
 
     Attributes:
         body: the object's root body.
-        where: draws the place above which it is dropped; its yaw does not count.
+        where: draws the place above which it is dropped.
+        attitudes: in one of which it falls, rotation vectors [rad] from upright, turned by the yaw
+            of its place; by default it falls in any attitude, and its place's yaw does not count.
     """
 
     body: str
     where: FloorDraw
+    attitudes: tuple[tuple[float, float, float], ...] = ()
 
     def draw(self, rng: np.random.Generator, start: Start) -> np.ndarray:
         """See `Placement.draw`; an object that has found no place to rest still has speed."""
-        quat = rng.normal(size=4)
-        xy, _ = self.where(rng)
-        return start.drop(self.body)(xy, quat / np.linalg.norm(quat))
+        if not self.attitudes:
+            quat = rng.normal(size=4)
+            xy, _ = self.where(rng)
+            return start.drop(self.body)(xy, quat / np.linalg.norm(quat))
+        turn = np.array(self.attitudes[int(rng.integers(len(self.attitudes)))])
+        xy, yaw = self.where(rng)
+        return start.drop(self.body)(xy, multiply(upright(yaw), from_rotation_vector(turn)))
 
 
 @dataclass(frozen=True)
@@ -277,6 +285,16 @@ def near(xy: tuple[float, float], position: float, yaw: float) -> FloorDraw:
     def draw(rng: np.random.Generator) -> tuple[np.ndarray, float]:
         turn = float(rng.uniform(-yaw, yaw))
         return np.array(xy) + rng.uniform(-position, position, 2), turn
+
+    return draw
+
+
+def anywhere_within(half: float) -> FloorDraw:
+    """Draw within a square around the origin, half as long [m], in any heading."""
+
+    def draw(rng: np.random.Generator) -> tuple[np.ndarray, float]:
+        xy = rng.uniform(-half, half, 2)
+        return xy, float(rng.uniform(0.0, 2 * np.pi))
 
     return draw
 

@@ -148,6 +148,7 @@ class Planner:
         config, base = self.config, self._actions.base
         ahead = int((self._node_times >= 0.0).sum())
         sigma = noise_ramp(config.variance_first, config.variance_last, ahead, self._actions.size)
+        sigma *= self._actions.noise[self._actions.searched]
         sigma[:, base] *= config.base_noise
         if self._smooth:
             sigma[0, ~base] = 0.0

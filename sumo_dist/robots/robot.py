@@ -1,11 +1,11 @@
 """What a robot is to the planner: a model, a stance, a policy and a space of actions."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import UsageError, unknown
 from sumo_dist.robots.safety import Safety
 
 
@@ -40,6 +40,8 @@ class ActionSpace:
         to_command: (..., nu) physical action -> (..., nc) policy command, elementwise.
         velocities: indices of the dimensions that are velocities of the base, which the planner
             searches with a noise of their own; three of them are x, y and yaw, in this order.
+        noise: (nu,) standard deviation of each dimension's search noise, over that of the planner's
+            settings; by default 1 of all.
     """
 
     names: tuple[str, ...]
@@ -48,6 +50,7 @@ class ActionSpace:
     default: np.ndarray
     to_command: Callable[[np.ndarray], np.ndarray]
     velocities: tuple[int, ...] = ()
+    noise: np.ndarray = field(default_factory=lambda: np.ones(1))
     searched: np.ndarray = field(init=False)  # (ns,) indices of the dimensions with width
 
     def __post_init__(self) -> None:
@@ -60,7 +63,39 @@ class ActionSpace:
             raise UsageError(
                 f"action space: velocities {self.velocities} of {len(self.names)} dimensions"
             )
+        try:
+            noise = np.broadcast_to(np.asarray(self.noise, float), (len(self.names),))
+        except ValueError:
+            noise = np.array([np.nan])
+        if not (np.isfinite(noise).all() and (noise > 0.0).all()):
+            raise UsageError(
+                f"action space: noise must be a positive number, or one for each of "
+                f"{len(self.names)} dimensions, got {self.noise}"
+            )
+        object.__setattr__(self, "noise", noise)
         object.__setattr__(self, "searched", np.flatnonzero(self.upper > self.lower))
+
+    def within(
+        self,
+        name: str,
+        *,
+        lower: float | None = None,
+        upper: float | None = None,
+        default: float | None = None,
+    ) -> "ActionSpace":
+        """Return the space with other limits or another default of one dimension.
+
+        Raises:
+            UsageError: there is no such dimension, or its limits cross.
+        """
+        if name not in self.names:
+            raise unknown("dimension of an action", name, self.names)
+        changed = {}
+        for what, value in {"lower": lower, "upper": upper, "default": default}.items():
+            changed[what] = getattr(self, what).copy()
+            if value is not None:
+                changed[what][self.names.index(name)] = value
+        return replace(self, **changed)
 
     @property
     def base(self) -> np.ndarray:

@@ -1,9 +1,11 @@
 """Spot with its arm: stance, the policy's 25-d command, and the planner's action space."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from sumo_dist.errors import unknown
 from sumo_dist.policies.spot_layout import (
     ARM_JOINTS,
     COMMAND_ARM,
@@ -93,9 +95,15 @@ _LIMBS = {
     "torso": _Limb(("torso_pitch", "torso_height"), (-1.0, 0.3), (1.0, 1.0), (0.0, STAND_HEIGHT)),
 }
 
+EVEN: Mapping[str, float] = {}  # the same noise of all limbs
+
 
 def spot_actions(
-    arm: bool = True, gripper: bool = False, legs: bool = False, torso: bool = False
+    arm: bool = True,
+    gripper: bool = False,
+    legs: bool = False,
+    torso: bool = False,
+    noise: Mapping[str, float] = EVEN,
 ) -> ActionSpace:
     """Build Spot's action space: base velocity and what else is asked for, in this order.
 
@@ -110,9 +118,15 @@ def spot_actions(
         gripper: closed or open.
         legs: joint targets of the front legs [rad] and which of the two is commanded.
         torso: pitch [rad] and height [m].
+        noise: of the search by limb, over that of the planner's settings, such as {"arm": 0.5}.
+
+    Raises:
+        UsageError: noise names what is no limb of the space.
     """
     wanted = {"base": True, "arm": arm, "gripper": gripper, "legs": legs, "torso": torso}
     limbs = {name: limb for name, limb in _LIMBS.items() if wanted[name]}
+    if strange := [name for name in noise if name not in limbs]:
+        raise unknown("limb of noise", strange[0], limbs)
     ends = np.cumsum([len(limb.names) for limb in limbs.values()])
     columns = dict(zip(limbs, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
     padding = np.array(SPOT.default_command)
@@ -141,4 +155,5 @@ def spot_actions(
         default=np.concatenate([limb.default for limb in limbs.values()]),
         to_command=to_command,
         velocities=tuple(columns["base"].tolist()),
+        noise=np.concatenate([[noise.get(n, 1.0)] * len(limb.names) for n, limb in limbs.items()]),
     )

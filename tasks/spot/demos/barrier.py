@@ -1,0 +1,134 @@
+"""Spot sets a crowd barrier upright, and drags one to its goal (paper, appendix)."""
+
+import numpy as np
+
+from sumo_dist.costs.terms import CostTerm
+from sumo_dist.costs.view import View
+from sumo_dist.model.frames import FrameRef
+from sumo_dist.model.scene import Scene, SceneObject
+from sumo_dist.robots.spot import SPOT, spot_actions
+from sumo_dist.tasks import terms
+from sumo_dist.tasks.reset import Dropped, OnFloor, Reset, near
+from sumo_dist.tasks.spot.demos.shared import (
+    DELIVERY,
+    FALL,
+    FRAMES,
+    HOLD,
+    OPEN_JAW,
+    UPRIGHT,
+    base_speed,
+    delivery_test,
+    dot,
+    grasp_terms,
+    lying,
+    nearest,
+    once,
+    spinning,
+    squared_speed,
+    stands,
+    until,
+    upright_test,
+    within,
+)
+from sumo_dist.tasks.spot.families import LEFT, Z_UP
+from sumo_dist.tasks.task import Goal, Task
+from sumo_dist.tasks.terms import TIPPED
+
+SCENE = Scene(SPOT, (SceneObject("barrier", "objects/barrier.xml"),), floor_friction=1.0)
+REST_Z = 0.005  # height of its origin when it stands [m]
+ON_A_SIDE = ((np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0))
+
+
+def sites(*names: str) -> dict[str, FrameRef]:
+    """Name sites of the barrier, as they are called in its model."""
+    return {name: FrameRef("site", f"barrier/{name}") for name in names}
+
+
+def wrist_askew(r: View) -> np.ndarray:
+    """How far the wrist is from pointing along the barrier, its y axis along the posts, (B, T)."""
+    along = 1.0 - np.abs(dot(r.wrist.x, r.object.x))
+    return along + 1.0 - np.abs(dot(r.wrist.y, r.object.z))
+
+
+def barrier_upright() -> Task:
+    """Spot grips a lying barrier at one end and sets it upright.
+
+    Cost: the paper's terms and weights, but for the orientation, 100 (1 - exp(3 (z_b . z - 1))),
+    which the released code sums over 100 steps where all else is a mean: here at 10000.
+    """
+    up = stands(Z_UP)
+    hand = nearest("wrist", "grasp_left", "grasp_right")
+    return Task(
+        name="spot/demo_barrier_upright",
+        scene=SCENE,
+        actions=spot_actions(gripper=True, torso=True).within("gripper", default=OPEN_JAW),
+        frames={
+            **FRAMES,
+            "object": FrameRef("body", "barrier"),
+            **sites("grasp_left", "grasp_right", "approach_left", "approach_right"),
+        },
+        cost=(
+            CostTerm("lying", lying(3.0), 10000.0),
+            CostTerm("grasp point", until(up, hand), 500.0),
+            CostTerm("wrist", until(up, wrist_askew), 100.0),
+            CostTerm(
+                "approach", until(up, nearest("base", "approach_left", "approach_right")), 10.0
+            ),
+            CostTerm("velocity", squared_speed("object"), 10.0),
+            CostTerm("control", base_speed, 2.0),
+            *grasp_terms(up),
+            CostTerm("spin", once(up, spinning("object")), 200.0),
+            CostTerm("hands off", once(up, within(0.5, hand)), 500.0),
+            FALL,
+        ),
+        parameters=UPRIGHT,
+        reset=Reset(
+            near((0.0, 0.0), 0.1, 0.15),
+            (Dropped("barrier", near((2.0, 0.0), 0.1, 0.15), ON_A_SIDE),),
+            solved=stands(Z_UP, TIPPED),
+        ),
+        success=upright_test(Z_UP),
+        success_hold=HOLD,
+        failure=LEFT,
+        description="Spot grips a lying 16 kg barrier at one end and sets it upright",
+    )
+
+
+def barrier_drag() -> Task:
+    """Spot grips a standing barrier at one end and drags it to its goal.
+
+    Cost: the paper's terms and weights; alpha of the orientation, which it leaves out, is 3 as in
+    the other barrier task. The wrist is drawn to an end post, where the released code has the
+    middle of the bars: a jaw around a post holds 77 N, which it takes to drag the barrier.
+    """
+    tipped = terms.tipped("object")
+    return Task(
+        name="spot/demo_barrier_drag",
+        scene=SCENE,
+        actions=spot_actions(gripper=True, torso=True).within("gripper", default=OPEN_JAW),
+        frames={
+            **FRAMES,
+            "object": FrameRef("body", "barrier"),
+            **sites("grasp_left_low", "grasp_right_low"),
+        },
+        cost=(
+            CostTerm("goal", terms.goal_distance("object", 0.0), 500.0),
+            CostTerm("lying", lying(3.0), 50.0),
+            CostTerm("grasp point", nearest("wrist", "grasp_left_low", "grasp_right_low"), 250.0),
+            CostTerm("wrist", wrist_askew, 100.0),
+            CostTerm("velocity", squared_speed("object"), 10.0),
+            CostTerm("control", base_speed, 2.0),
+            *grasp_terms(),
+            CostTerm("tipped", tipped, 2500.0, "any"),
+            FALL,
+        ),
+        parameters=DELIVERY,
+        reset=Reset(
+            near((-1.5, 0.0), 0.1, 0.15), (OnFloor("barrier", near((2.0, 0.0), 0.1, 0.15), REST_Z),)
+        ),
+        success=delivery_test(Z_UP),
+        success_hold=HOLD,
+        failure={"tipped": tipped, **LEFT},
+        goal=Goal("object", REST_Z),
+        description="Spot grips a 16 kg barrier at one end and drags it to its goal",
+    )
