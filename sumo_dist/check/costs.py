@@ -26,20 +26,27 @@ def finite(subject: Subject) -> Finding:
 def sensitive(subject: Subject) -> Finding:
     """Does every term tell apart what may come of one start, and have a say in the sum."""
     spreads = subject.terms.std(axis=1).mean(axis=0)  # (n_terms,)
-    idle = []
-    for term, spread in zip(subject.task.cost, spreads, strict=True):
+    idle, unmoved = [], []
+    for i, (term, spread) in enumerate(zip(subject.task.cost, spreads, strict=True)):
         if spread > SAY * spreads.max():
             continue
-        if term.reduction not in INDICATORS:  # an indicator may well be of something rare
+        if term.reduction in INDICATORS:  # which may well be of something rare
+            idle.append(term.name)
+        elif np.ptp(subject.terms[:, :, i]) == 0.0:
+            unmoved.append(term.name)
+        else:
             return Finding(
                 "fail",
                 f"{term.name} varies by {spread:.1e} over nudges and random plans, others up to "
                 f"{spreads.max():.1e}: it decides nothing",
             )
-        idle.append(term.name)
     told = zip(subject.task.cost, spreads, strict=True)
     text = "spread " + ", ".join(f"{term.name} {spread:.3g}" for term, spread in told)
-    return Finding("ok", text + (f"; not seen: {', '.join(idle)}" if idle else ""))
+    if idle:
+        text += f"; not seen: {', '.join(idle)}"
+    if unmoved:
+        text += f"; the same whatever was tried, so of use later or never: {', '.join(unmoved)}"
+    return Finding("warn" if unmoved else "ok", text)
 
 
 def split(subject: Subject) -> Finding:

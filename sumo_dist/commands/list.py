@@ -64,10 +64,12 @@ def listing(tasks: Iterable[Task]) -> dict[str, Any]:
 def overview(tasks: Iterable[Task]) -> Iterator[str]:
     """Lines: a task each, then a setting each."""
     yield "tasks (sumo-dist list TASK: its cost terms, parameters and own settings):"
+    tasks = list(tasks)
+    width = max(len(task.name) for task in tasks) + 2
     for task in tasks:
         own = ", ".join(f"{name}={value}" for name, value in task.planner.items())
         about = " ".join(task.description.split())
-        yield f"  {task.name:<20}{about}{f' ({own})' if own else ''}".rstrip()
+        yield f"  {task.name:<{width}}{about}{f' ({own})' if own else ''}".rstrip()
     yield "\nplanner settings (--set NAME=VALUE; a task's own stand in brackets above):"
     yield f"  {'name':<16}{'default':>8}  what it is; what it may be"
     for name, value in asdict(PlannerConfig()).items():
