@@ -148,6 +148,9 @@ COMMANDS = {
         "Say what changed between two suites and whether it matters",
         "sumo_dist.bench.results.compare",
     ),
+    "bench limbs": Command(
+        "Say what recorded trials did with gripper, legs and torso", "sumo_dist.bench.results.limbs"
+    ),
     "bench tune-report": Command(
         "Put searches of `tune` on a page, side by side", "sumo_dist.bench.tune.publish"
     ),

@@ -26,6 +26,7 @@ SITTING = (0.48, 1.26, -2.7929, -0.48, 1.26, -2.7929) * 2
 ARM_UNSTOWED = (0.0, -0.9, 1.8, 0.0, -0.9, 0.0)
 ARM_STOWED = (0.0, -3.11, 3.13, 1.56, 0.0, -1.56)
 STAND_HEIGHT = 0.52
+LEFT_LEG, RIGHT_LEG = -0.5, 0.5  # leg selections below and above command that front leg (paper)
 
 # Positions: the joints' own. Rates bound how far a target may jump between two policy steps (which
 # the servos' torque limits turn into motion): in runs of box, tire, chair and rack the policy asked
@@ -142,8 +143,8 @@ def spot_actions(
             command[..., COMMAND_GRIPPER] = np.where(closes, GRIPPER_CLOSED, GRIPPER_OPEN)
         if legs:
             left, right, selection = np.split(parts["legs"], [3, 6], axis=-1)
-            command[..., COMMAND_FRONT_LEFT] = np.where(selection < -0.5, left, 0.0)
-            command[..., COMMAND_FRONT_RIGHT] = np.where(selection > 0.5, right, 0.0)
+            command[..., COMMAND_FRONT_LEFT] = np.where(selection < LEFT_LEG, left, 0.0)
+            command[..., COMMAND_FRONT_RIGHT] = np.where(selection > RIGHT_LEG, right, 0.0)
         if torso:
             command[..., COMMAND_PITCH_HEIGHT] = parts["torso"]
         return command

@@ -39,8 +39,8 @@ FRAMES = {
     "left_foot": FrameRef("site", "site_front_left"),
     "right_foot": FrameRef("site", "site_front_right"),
 }
-# The released code's of its tire tasks: at the paper's 2500 a fall would cost less than it pays here
-# to have the object upright at the end of it.
+# The released code's of its tire tasks: at the paper's 2500 a fall would cost less here than it pays
+# to have the object upright after it.
 FALL = CostTerm("fall", terms.lies(SPOT), 10000.0, "any")
 
 
