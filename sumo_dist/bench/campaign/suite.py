@@ -22,7 +22,7 @@ class Options(Settings):
     """Options of `bench suite`.
 
     Attributes:
-        suite: its name: paper-analysis or paper-g1.
+        suite: its name: paper-analysis, paper-spot or paper-g1.
         out: folder for the journal and the recordings; a suite that was killed goes on from it.
         tasks: only these tasks of the suite, separated by commas.
         recordings: ends keeps, per task, the success of median time and a failure, which are run

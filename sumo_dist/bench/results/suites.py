@@ -69,21 +69,23 @@ PAPER_G1 = Suite(
     },
 )
 
+_DEMONSTRATIONS = {
+    "tire_upright": Figure(10, 10, 9.2),
+    "barrier_upright": Figure(9, 10, 10.5),
+    "cone_upright": Figure(9, 10, 10.2),
+    "chair_upright": Figure(8, 10, 27.3),
+    "tire_stack": Figure(8, 10, 16.5),
+    "barrier_drag": Figure(9, 10, 20.2),
+    "rack_drag": Figure(9, 10, 19.1),
+    "box_push": Figure(10, 10, 38.3),
+}
+
 PAPER_SPOT = Suite(
     name="paper-spot",
     title="Spot's eight demonstrations",
     source="the paper (arXiv:2604.08508), 10 trials a task on the robot, with mean times",
-    figures={
-        "spot/demo_tire_upright": Figure(10, 10, 9.2),
-        "spot/demo_barrier_upright": Figure(9, 10, 10.5),
-        "spot/demo_cone_upright": Figure(9, 10, 10.2),
-        "spot/demo_chair_upright": Figure(8, 10, 27.3),
-        "spot/demo_tire_stack": Figure(8, 10, 16.5),
-        "spot/demo_barrier_drag": Figure(9, 10, 20.2),
-        "spot/demo_rack_drag": Figure(9, 10, 19.1),
-        "spot/demo_box_push": Figure(10, 10, 38.3),
-    },
-    controls=tuple(f"spot/demo_{thing}_upright" for thing in ("tire", "barrier", "cone", "chair")),
+    figures={f"spot/demo_{name}": figure for name, figure in _DEMONSTRATIONS.items()},
+    controls=tuple(f"spot/demo_{name}" for name in _DEMONSTRATIONS),
 )
 
 SUITES = {suite.name: suite for suite in (PAPER_ANALYSIS, PAPER_SPOT, PAPER_G1)}

@@ -39,8 +39,8 @@ FRAMES = {
     "left_foot": FrameRef("site", "site_front_left"),
     "right_foot": FrameRef("site", "site_front_right"),
 }
-# The released code's of its tire tasks: at the paper's 2500 a fall would cost less here than it pays
-# to have the object upright after it.
+# The released code's of its tire tasks: at the paper's 2500 it could pay here to fall, if that sets
+# the object upright.
 FALL = CostTerm("fall", terms.lies(SPOT), 10000.0, "any")
 
 
