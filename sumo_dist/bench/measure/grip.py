@@ -10,6 +10,7 @@ from sumo_dist.bench.layout import Result, run_bench, table
 from sumo_dist.bench.measure.hold import (
     ALONG,
     HELD_S,
+    MOST,
     OUT,
     RISES_S,
     SLIPS,
@@ -34,6 +35,7 @@ BARS = (
     *(Bar(shape, wide, *friction) for shape, wide in SHAPES for friction in FRICTIONS),
     *(Bar("round", wide) for wide in (0.02, 0.04, 0.05)),
     *(Bar("round", 0.03, priority=4), Bar("round", 0.03, condim=4), Bar("round", 0.03, condim=6)),
+    *(Bar(shape, wide, solref=0.04) for shape, wide in SHAPES),
 )
 TYPICAL = Bar("round", 0.03)
 
@@ -41,7 +43,7 @@ PULL = 50.0  # under which the creep is measured, about that of a drag [N]
 PLANTS, PLANS = "plant", "planning"
 
 HELD = {
-    "friction, priority, condim": "{plant[stated]}",
+    "friction, priority, condim, solref": "{plant[stated]}",
     "acts": "{plant[friction]:g}",
     "jaw [rad]": "{plant[angle]:.2f}",
     "squeeze [N]": "{plant[squeeze]:.0f} ({planning[squeeze]:.0f})",
@@ -144,7 +146,7 @@ def hold(thing: Bar | Rail, options: ModelOptions) -> dict[str, Any]:
     pull = grip.pull(PULL, OUT)
     creep = 1e3 * pull.moved / (RISES_S + HELD_S)
     return {
-        "stated": "{:g}, {}, {}".format(*grip.stated),
+        "stated": "{:g}, {}, {}, {:g}".format(*grip.stated),
         "mass": grip.mass,
         "friction": grip.friction,
         "angle": grip.angle,
@@ -159,15 +161,15 @@ def hold(thing: Bar | Rail, options: ModelOptions) -> dict[str, Any]:
 
 def needed(rail: Rail) -> dict[str, Any]:
     """Measure what it takes to drag the object that a rail belongs to."""
-    slides, moves, tips = Dragged(rail).drag()
-    return {"slides": slides, "moves": moves, "how": "tips" if tips else "slides"}
+    return Dragged(rail).drag()._asdict()
 
 
 def text(result: Result) -> Iterable[str]:
     """Lay out what was measured."""
     yield (
-        f"The jaw closes on a bar, which is pulled for {HELD_S:g} s; held is the largest force up to "
-        f"which it moves less than {1e3 * SLIPS:g} mm. In brackets: in the planning model."
+        f"The jaw closes on a bar, which is pulled for {HELD_S:g} s; held is the largest force up "
+        f"to which it moves less than {1e3 * SLIPS:g} mm, at most {MOST} N. In brackets: in the "
+        "planning model."
     )
     if result["bars"]:
         yield "Bars of 10 kg that hang on nothing:"

@@ -22,9 +22,10 @@ JAW, WRIST, FINGER, LOWER = "arm_f1x", "arm_link_wr1", "arm_link_fngr", "bottom_
 DEPTH = 0.17  # of a bar's middle in the jaw, from the wrist's axis: over the lower jaw's middle [m]
 ABOVE = 0.002  # the lower jaw, the bar lies when the jaw begins to close [m]
 FAR = 10.0  # the robot is above the floor, so that no object reaches it [m]
+OPENINGS = np.arange(GRIPPER_OPEN, -0.5, 0.1)  # of the jaw before it closes [rad]
 CLOSES_S, RISES_S, HELD_S = 1.0, 0.5, 3.0  # the jaw closes, the pull comes, the pull stays [s]
 SLIPS = 0.05  # a bar that has moved this far has slipped, an object has moved [m]
-TIPS = 3.0  # an object that has tilted this far by then does not only slide [deg]
+TURNS = 3.0  # an object that has turned this far by then does not only slide [deg]
 STEPS, MOST = (5, 1), 250  # in which a force is raised, and how far [N]
 Shape = Literal["round", "square"]
 OUT, ALONG = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -42,6 +43,7 @@ class Bar:
         shape: of its section.
         thickness: diameter or edge [m].
         friction, priority, condim: as MuJoCo's geoms have them; the robot's are 0.15, 4 and 3.
+        solref: time constant of its contacts [s]; the robot's is MuJoCo's, 0.02.
     """
 
     shape: Shape
@@ -49,6 +51,7 @@ class Bar:
     friction: float = 1.0
     priority: int = 6
     condim: int = 3
+    solref: float = 0.02
     geom: str = field(default="bar", init=False)
     approach: tuple[float, float, float] = field(default=OUT, init=False)
 
@@ -65,6 +68,7 @@ class Bar:
         body.add_freejoint(name="bar_joint")
         geom = body.add_geom(name=self.geom, priority=self.priority, condim=self.condim)
         geom.friction[0], geom.contype, geom.conaffinity = self.friction, 0, 1
+        geom.solref[0] = self.solref
         if self.shape == "round":
             geom.type, geom.size = _CAPSULE, [half, 0.5, 0.0]
             geom.quat = [0.5**0.5, 0.5**0.5, 0.0, 0.0]
@@ -120,7 +124,7 @@ class Grip:
     """A jaw that has closed on a bar.
 
     Attributes:
-        stated: friction, priority and condim of the bar's geom.
+        stated: friction, priority, condim and solref of the bar's geom.
         mass: of what the bar belongs to [kg].
         friction: that acts between jaw and bar, 0 if they do not touch.
         angle: of the jaw, 0 closed [rad].
@@ -137,13 +141,15 @@ class Grip:
         self._body = int(self._model.geom_bodyid[self._geom])
         self._substeps = round(TICK / options.timestep)
         self._place(thing)
+        self._open(thing)
         self._data.ctrl[:] = GRIPPER_CLOSED
         mujoco.mj_step(self._model, self._data, round(CLOSES_S / options.timestep))
         mujoco.mj_forward(self._model, self._data)
         self._closed = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, self._closed, _STATE)
         geom = self._model.geom(self._geom)
-        self.stated = float(geom.friction[0]), int(geom.priority[0]), int(geom.condim[0])
+        whole = int(geom.priority[0]), int(geom.condim[0])
+        self.stated = float(geom.friction[0]), *whole, float(geom.solref[0])
         self.mass = float(self._model.body_subtreemass[self._body])
         friction = self._data.contact.friction[self._touching(), 0]
         self.friction = float(friction.max(initial=0.0))
@@ -173,9 +179,8 @@ class Grip:
         return most(lambda force: self.pull(force, direction).moved <= SLIPS)
 
     def _place(self, thing: Bar | Rail) -> None:
-        """Turn the bar across the open jaw and put it just above the lower one."""
+        """Turn the bar across the jaw and put it just above the lower one."""
         model, data = self._model, self._data
-        data.joint(JAW).qpos[0] = GRIPPER_OPEN
         mujoco.mj_forward(model, data)
         pose = data.joint(int(model.body_jntadr[model.body_rootid[self._body]])).qpos
         to_object = _matrix(pose[3:]).T
@@ -190,10 +195,19 @@ class Grip:
         mujoco.mj_forward(model, data)
         lower = model.geom(LOWER).id
         pose[2] -= mujoco.mj_geomDistance(model, data, lower, self._geom, 1.0, None) - ABOVE
-        mujoco.mj_forward(model, data)
-        if data.ncon:
-            pairs = {tuple(sorted(model.geom(g).name for g in c.geom)) for c in data.contact}
-            raise UsageError(f"the open jaw does not fit around {thing.geom}: {sorted(pairs)} meet")
+
+    def _open(self, thing: Bar | Rail) -> None:
+        """Open the jaw as wide as what is around the bar lets it."""
+        for angle in OPENINGS:
+            self._data.joint(JAW).qpos[0] = angle
+            mujoco.mj_forward(self._model, self._data)
+            if not self._data.ncon:
+                return
+        names = {
+            tuple(self._model.geom(geom).name for geom in pair) for pair in self._data.contact.geom
+        }
+        met = ", ".join(" and ".join(pair) for pair in sorted(names))
+        raise UsageError(f"the open jaw does not fit around {thing.geom}, these overlap: {met}")
 
     def _touching(self) -> np.ndarray:
         """Which contacts (C,) are those of the jaw with what the bar belongs to."""
@@ -218,12 +232,12 @@ class Drag(NamedTuple):
     Attributes:
         slides: the floor's friction under its weight [N].
         moves: a pull at the rail that moves it [N]; more than MOST if none does.
-        tips: it tips over then, or lifts, rather than slide.
+        how: it "slides", "turns" or "tips" then.
     """
 
     slides: float
     moves: int
-    tips: bool
+    how: str
 
 
 class Dragged:
@@ -252,14 +266,17 @@ class Dragged:
             mujoco.mj_contactForce(self._model, self._data, i, force)
             slides += float(friction * force[0])
         moves = most(lambda pull: self._pull(pull)[0] <= SLIPS) + 1
-        return Drag(slides, moves, self._pull(moves)[1] > TIPS)
+        _, tilt, turn = self._pull(moves)
+        return Drag(
+            slides, moves, "tips" if tilt > TURNS else "turns" if turn > TURNS else "slides"
+        )
 
-    def _pull(self, force: float) -> tuple[float, float]:
-        """Pull at the rail; return how far the object moved [m] and tilted [deg]."""
+    def _pull(self, force: float) -> tuple[float, float, float]:
+        """Pull at the rail; return how far the object moved [m], tilted and turned in all [deg]."""
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, self._rest, _STATE)
         mujoco.mj_forward(model, data)
-        start, up = self._pose[:3].copy(), _matrix(self._pose[3:])[2]
+        start, before = self._pose[:3].copy(), _matrix(self._pose[3:])
         moved = 0.0
         for share in _rising():
             _apply(model, data, self._geom, share * force * self._back)
@@ -267,8 +284,10 @@ class Dragged:
             moved = float(self._back @ (self._pose[:3] - start))
             if moved > SLIPS:
                 break
-        upright = np.clip(_matrix(self._pose[3:])[2] @ up, -1.0, 1.0)
-        return moved, float(np.degrees(np.arccos(upright)))
+        turned = _matrix(self._pose[3:]) @ before.T
+        cosines = np.clip((turned[2, 2], (np.trace(turned) - 1.0) / 2.0), -1.0, 1.0)
+        tilt, turn = np.degrees(np.arccos(cosines)).tolist()
+        return moved, tilt, turn
 
 
 def most(holds: Callable[[float], bool]) -> int:
