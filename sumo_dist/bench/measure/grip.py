@@ -94,7 +94,9 @@ class Options:
         """Bars of objects to measure."""
         if not self.mjcf:
             return RAILS
-        thing = SceneObject(Path(self.mjcf).stem, self.mjcf)
+        here = Path(self.mjcf).absolute()
+        file = str(here) if here.is_file() else self.mjcf
+        thing = SceneObject(here.stem, file)
         return (Rail(thing, self.part, self.approach, self.floor_friction),)
 
 

@@ -123,9 +123,12 @@ def test_the_command(monkeypatch, capsys):
     assert [row["name"] for row in result["rails"]] == [rail.name for rail in RAILS]
 
 
-def test_a_bar_of_ones_own(sled, capsys):
-    file = sled().object.mjcf
-    assert main(["bench", "grip", "--mjcf", file, "--part", "bar", "--floor-friction", "1"]) == 0
+def test_a_bar_of_ones_own(sled, tmp_path, monkeypatch, capsys):
+    sled()
+    monkeypatch.chdir(tmp_path)
+    assert (
+        main(["bench", "grip", "--mjcf", "sled.xml", "--part", "bar", "--floor-friction", "1"]) == 0
+    )
     said = capsys.readouterr().out
     assert re.search(r"\| sled/bar +\| 1, 6, 3, 0.02 .* \| 10.1 .* \| 99 .* slides", said)
     assert "hang on nothing" not in said
