@@ -36,15 +36,18 @@ BARS = (
     *(Bar("round", wide) for wide in (0.02, 0.04, 0.05)),
     *(Bar("round", 0.03, priority=4), Bar("round", 0.03, condim=4), Bar("round", 0.03, condim=6)),
     *(Bar(shape, wide, solref=0.04) for shape, wide in SHAPES),
+    *(Bar("round", 0.03, mass=mass) for mass in (5.0, 20.0)),
 )
 TYPICAL = Bar("round", 0.03)
 
 PULL = 50.0  # under which the creep is measured, about that of a drag [N]
+FINE = 0.001  # a time step at which a contact is as good as exact [s]
 PLANTS, PLANS = "plant", "planning"
 
 HELD = {
     "friction, priority, condim, solref": "{plant[stated]}",
     "acts": "{plant[friction]:g}",
+    "mass [kg]": "{plant[mass]:.1f}",
     "jaw [rad]": "{plant[angle]:.2f}",
     "squeeze [N]": "{plant[squeeze]:.0f} ({planning[squeeze]:.0f})",
     "held out of the jaw [N]": "{plant[out]} ({planning[out]})",
@@ -53,7 +56,6 @@ HELD = {
     "deepest [mm]": "{plant[deepest_mm]:.1f} ({planning[deepest_mm]:.1f})",
 }
 NEEDED = {
-    "mass [kg]": "{plant[mass]:.1f}",
     "floor's friction x weight [N]": "{slides:.0f}",
     "moves at [N]": "{moves}",
     "and": "{how}",
@@ -124,7 +126,7 @@ def measure(options: Options) -> Result:
 
 
 def planning_and_plant() -> dict[str, ModelOptions]:
-    """Return the models of the world by name: the plant's, the planner's, and two between them."""
+    """Return the models of the world by name: the plant's, the planner's, two between, a fine one."""
     plant = replace(PLANT, visuals=False)
     plan = planning_options(PlannerConfig())
     return {
@@ -132,6 +134,7 @@ def planning_and_plant() -> dict[str, ModelOptions]:
         f"plant at {plan.timestep:g} s": replace(plant, timestep=plan.timestep),
         f"planning at {plant.timestep:g} s": replace(plan, timestep=plant.timestep),
         PLANS: plan,
+        f"plant at {FINE:g} s": replace(plant, timestep=FINE),
     }
 
 
@@ -174,7 +177,7 @@ def text(result: Result) -> Iterable[str]:
         "planning model."
     )
     if result["bars"]:
-        yield "Bars of 10 kg that hang on nothing:"
+        yield "Bars that hang on nothing:"
         yield table({"bar": "{name}", **HELD}, result["bars"])
         yield f"What of the planning model makes the difference, {TYPICAL.name}, friction 1:"
         yield table(MODELS, result["models"])

@@ -44,6 +44,7 @@ class Bar:
         thickness: diameter or edge [m].
         friction, priority, condim: as MuJoCo's geoms have them; the robot's are 0.15, 4 and 3.
         solref: time constant of its contacts [s]; the robot's is MuJoCo's, 0.02.
+        mass: [kg]; it turns slowly, as a large object does.
     """
 
     shape: Shape
@@ -52,6 +53,7 @@ class Bar:
     priority: int = 6
     condim: int = 3
     solref: float = 0.02
+    mass: float = 10.0
     geom: str = field(default="bar", init=False)
     approach: tuple[float, float, float] = field(default=OUT, init=False)
 
@@ -61,9 +63,9 @@ class Bar:
         return f"{1e3 * self.thickness:g} mm {self.shape}"
 
     def spec(self, options: ModelOptions) -> mujoco.MjSpec:
-        """Compose robot and bar, a heavy one: 10 kg, slow to turn, 1 m long."""
+        """Compose robot and bar, 1 m long."""
         spec, half = build_spec(Scene(SPOT), options), self.thickness / 2
-        body = spec.worldbody.add_body(name="bar", mass=10.0, inertia=[1.0] * 3)
+        body = spec.worldbody.add_body(name="bar", mass=self.mass, inertia=[1.0] * 3)
         body.explicitinertial = True
         body.add_freejoint(name="bar_joint")
         geom = body.add_geom(name=self.geom, priority=self.priority, condim=self.condim)
