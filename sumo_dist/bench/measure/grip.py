@@ -126,7 +126,7 @@ def measure(options: Options) -> Result:
 
 
 def planning_and_plant() -> dict[str, ModelOptions]:
-    """Return the models of the world by name: the plant's, the planner's, two between, a fine one."""
+    """Return models of the world by name: plant's, planner's, two between them, a fine one."""
     plant = replace(PLANT, visuals=False)
     plan = planning_options(PlannerConfig())
     return {
