@@ -104,10 +104,11 @@ class Options:
 
 def main(options: Options) -> int:
     """Measure, and print tables or one JSON object."""
-    command = f"bench grip --mjcf {options.mjcf} --part {options.part}"
-    run_bench(
-        command if options.mjcf else "bench grip", options.json, partial(measure, options), text
-    )
+    own = f" --mjcf {options.mjcf} --part {options.part}"
+    own += " --approach {:g} {:g} {:g}".format(*options.approach)
+    own += f" --floor-friction {options.floor_friction:g}"
+    command = f"bench grip{own if options.mjcf else ''}"
+    run_bench(command, options.json, partial(measure, options), text)
     return 0
 
 

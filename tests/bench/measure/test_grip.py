@@ -131,6 +131,7 @@ def test_a_bar_of_ones_own(sled, tmp_path, monkeypatch, capsys):
     )
     said = capsys.readouterr().out
     assert re.search(r"\| sled/bar +\| 1, 6, 3, 0.02 .* \| 10.1 .* \| 99 .* slides", said)
+    assert "bench grip --mjcf sled.xml --part bar --approach 1 0 0 --floor-friction 1\n" in said
     assert "hang on nothing" not in said
 
 
