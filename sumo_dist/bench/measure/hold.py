@@ -132,7 +132,6 @@ class Grip:
         angle: of the jaw, 0 closed [rad].
         torque: of its servo [N m].
         squeeze: with which the upper jaw presses [N].
-        deepest: penetration of jaw and bar [m].
     """
 
     def __init__(self, thing: Bar | Rail, options: ModelOptions) -> None:
@@ -158,7 +157,6 @@ class Grip:
         self.angle = float(self._data.joint(JAW).qpos[0])
         self.torque = float(self._data.actuator(JAW).force[0])
         self.squeeze = self._squeeze()
-        self.deepest = self._deepest()
 
     def pull(self, force: float, direction: tuple[float, float, float]) -> Pull:
         """Pull at the bar's middle [N], from the closed jaw anew each time."""

@@ -114,12 +114,13 @@ def test_a_light_hold_on_the_end_of_a_tall_thing_tips_it():
 
 def test_the_command(monkeypatch, capsys):
     monkeypatch.setattr(grip, "BARS", (ROUND,))
+    monkeypatch.setattr(grip, "FINE", 0.005)
     assert main(["bench", "grip", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     (bar,) = result["bars"]
     assert bar["name"] == "30 mm round"
     assert bar[PLANTS]["out"] > bar[PLANS]["out"] > 50
-    assert [row["model"] for row in result["models"]] == list(MODELS)
+    assert [row["model"] for row in result["models"]] == list(planning_and_plant())
     assert [row["name"] for row in result["rails"]] == [rail.name for rail in RAILS]
 
 
