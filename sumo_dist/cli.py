@@ -104,6 +104,9 @@ COMMANDS = {
         "Measure what a robot's limits leave free and how it stops",
         "sumo_dist.bench.measure.safety",
     ),
+    "bench grip": Command(
+        "Measure the force at which the gripper's hold slips", "sumo_dist.bench.measure.grip"
+    ),
     "bench digests": Command(
         "Compare the bits of lockstep runs with known ones", "sumo_dist.bench.measure.digests"
     ),
