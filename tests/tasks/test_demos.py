@@ -24,7 +24,7 @@ UPRIGHTS = tuple(name for name in NAMES if name.endswith("upright"))
 SEEDS = range(6)
 SIDEWAYS = (np.pi / 2, 0.0, 0.0)  # a tire with this rotation lies, its axle up
 WEIGHTS = {
-    "tire_upright": "tilt 2000 gripper 10 foot 5 torso 5 control 2",
+    "tire_upright": "tilt 200 gripper 10 foot 5 torso 5 control 2",
     "barrier_upright": "lying 10000 grasp_point 500 wrist 100 approach 10 velocity 10 control 2 "
     "grasp -100",
     "cone_upright": "lying 5000 gripper 8 standoff -50 velocity 64 control 2",

@@ -27,7 +27,16 @@ from sumo_dist.planner.problem import planning_options
 from sumo_dist.terminal import say
 
 # What the project's objects have to be held by; one line each.
-RAILS = (Rail(SceneObject("rack", "objects/rack.xml"), "cross_rear"),)
+RAILS = (
+    Rail(SceneObject("rack", "objects/rack.xml"), "cross_rear"),
+    Rail(SceneObject("heavy_rack", "objects/heavy_rack.xml"), "cross_rear"),
+    Rail(
+        SceneObject("barrier", "objects/barrier.xml"),
+        "left_end",
+        approach=(1.0, 0.0, 0.0),
+        floor_friction=1.0,
+    ),
+)
 
 SHAPES: tuple[tuple[Shape, float], ...] = (("square", 0.04), ("round", 0.03), ("square", 0.02))
 FRICTIONS = ((1.0, 3), (0.3, 6), (0.5, 6), (1.0, 6))  # and priorities: at 3 the robot's own acts

@@ -86,11 +86,9 @@ def standoff(r: View) -> np.ndarray:
 def tire_upright(legs: bool = False) -> Task:
     """Spot sets a tire upright that lies on its side.
 
-    Cost: the paper's terms with the released code's weights, but for the tilt, exp(|y_tire . z|),
-    at 2000 in place of 200, which was summed and not averaged elsewhere; without the release's two
-    penalties on the gripper, which forbid the motion that works: hooking the tread from outside,
-    low. Base, arm and torso; the paper enables the front legs in place of the torso, which solves
-    fewer (docs/decisions/0025).
+    Cost: the paper's terms with the released code's weights, without the release's two penalties on
+    the gripper, which forbid the motion that works: hooking the tread from outside, low. It has
+    base, arm and torso; the paper has the front legs, too (docs/decisions/0025).
 
     Args:
         legs: let it use a front leg, too.
@@ -102,7 +100,7 @@ def tire_upright(legs: bool = False) -> Task:
         actions=spot_actions(torso=True, legs=legs),
         frames={**FRAMES, "object": FrameRef("body", "tire")},
         cost=(
-            CostTerm("tilt", lambda r: np.exp(AXLE_LEVEL.off(r)), 2000.0),
+            CostTerm("tilt", lambda r: np.exp(AXLE_LEVEL.off(r)), 200.0),
             CostTerm("gripper", until(up, tread), 10.0),
             CostTerm("foot", until(up, foot), 5.0),
             CostTerm("torso", until(up, standoff), 5.0),
