@@ -147,6 +147,13 @@ class System:
     def _workers_of(self, names):
         return {member.id for member in self._members.now} & names
 
+    @contextmanager
+    def held(self):
+        """Let no robot time pass: what is to happen in a run, such as a start, may take long."""
+        assert self.command("pause").refusal == ""
+        yield
+        assert self.command("resume").refusal == ""
+
     def start_like(self, name, new_name, **changes):
         """Start a service beside one that runs, with other options; return its process."""
         service = self._services[name]
