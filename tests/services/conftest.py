@@ -36,6 +36,12 @@ def config():
 
 
 @pytest.fixture(scope="session")
+def calm():
+    """Noise so low that the robot stands, and its run goes on, for as long as a test needs it."""
+    return replace(QUICK, variance_first=0.01, variance_last=0.01)
+
+
+@pytest.fixture(scope="session")
 def problem(config):
     return Problem.build(load_task("spot/move_box"), planning_options(config))
 

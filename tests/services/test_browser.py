@@ -9,7 +9,6 @@ import pytest
 
 from sumo_dist.launch import serve
 from sumo_dist.launch.launcher import Service
-from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.services import control
 from sumo_dist.services.control import ControlOptions
 from sumo_dist.services.tracer import EMBEDDED
@@ -26,8 +25,6 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no browser: apt install chromium"),
 ]
 
-# Noise in which the robot goes on standing.
-CALM = PlannerConfig(rollouts=10, horizon=0.4, variance_first=0.01, variance_last=0.01)
 PATIENCE_MS = 90_000
 
 
@@ -95,17 +92,17 @@ def served(endpoint, port):
         assert not thread.is_alive()
 
 
-def test_a_live_run_is_driven_from_the_browser(browser, run_system, endpoint, free_endpoint):
+def test_a_live_run_is_driven_from_the_browser(browser, run_system, calm, free_endpoint):
     """Everything that an operator does, in one run; two tabs, a reload, and a service that goes.
 
     Robot time passes only where a plan is needed: however slow the browser is, no episode ends
     while the page is worked.
     """
-    system = run_system(workers=1, time_limit=3600.0, stay=True, planner=CALM)
+    system = run_system(workers=1, planner=calm, time_limit=3600.0, stay=True)
     assert system.command("pause").refusal == ""
     questions = system.bus.newest(Question)
     port = free_endpoint().rpartition(":")[2]
-    with served(endpoint, port):
+    with served(system.endpoint, port):
         first = Page(browser, f"http://127.0.0.1:{port}/")
         second = Page(browser, f"http://127.0.0.1:{port}/")
         first.mode("paused")
@@ -117,7 +114,7 @@ def test_a_live_run_is_driven_from_the_browser(browser, run_system, endpoint, fr
         first.until("document.querySelector('#task').textContent === 'spot/move_tire'")
         lose_and_find_services(first, system)
     first.until("document.querySelector('#banner').textContent.startsWith('No line')")
-    with served(endpoint, port):  # the page finds it again by itself
+    with served(system.endpoint, port):  # the page finds it again by itself
         first.until("!document.body.classList.contains('stale')")
         first.tab.keyboard.press("r")
         hold(system, first, episode=3)
@@ -231,14 +228,16 @@ def set_between_episodes(page, system, questions):
     assert (settings["optimizer"], settings["rollouts"]) == ("cem", 7)
 
 
-def test_reruns_view_is_within_the_page(browser, run_system, endpoint, free_endpoint, tmp_path):
+def test_reruns_view_is_within_the_page(browser, run_system, calm, free_endpoint, tmp_path):
     """Its page and its data come under the page's own address."""
-    system = run_system(workers=1, time_limit=3600.0, planner=CALM)
+    system = run_system(workers=1, planner=calm, time_limit=3600.0)
     assert system.command("pause").refusal == ""  # a tracer ends with the run
-    tracer = serve.Tracer(connect=endpoint, robot="spot", viewer=EMBEDDED, out=tmp_path / "view")
+    tracer = serve.Tracer(
+        connect=system.endpoint, robot="spot", viewer=EMBEDDED, out=tmp_path / "view"
+    )
     system.start(Service("tracer", "tracer", tracer, vital=False))
     port = free_endpoint().rpartition(":")[2]
-    with served(endpoint, port):
+    with served(system.endpoint, port):
         page = Page(browser, f"http://127.0.0.1:{port}/")
         asked = []
         page.tab.on("response", lambda answer: asked.append((answer.url, answer.status)))

@@ -92,7 +92,7 @@ def test_an_optimizer_whose_task_file_differs_from_the_robots_says_so_by_name(
     """As on another host: the robot has loaded one file, the optimizer finds another."""
     file = tmp_path / "tall.py"
     file.write_text(TASK_FILE.format(factor=1.0))
-    system = run_system(workers=1, starts_robot=False, wait=15.0, task=str(file), time_limit=0.4)
+    system = run_system(workers=1, starts_robot=False, wait=60.0, task=str(file), time_limit=0.4)
     system.kill("optimizer")
     system.start_robot()
     assert eventually(lambda: system.hash, 60.0)  # what the robot has loaded
@@ -105,9 +105,7 @@ def test_an_optimizer_whose_task_file_differs_from_the_robots_says_so_by_name(
         lambda: system.said("optimizer", f"the robot's has {theirs}: the task's files differ"), 60.0
     )
     assert system.said("optimizer", f"its {file} has hash ")
-    code, summary = system.finish()
-    assert code == 3
-    assert summary["end_reason"] == "fault: no answer to the request for a plan in 15 s"
+    system.interrupt()
     episode = replace(system.options("robot-interface").episode, seed=2)
     system.start_robot(episode=episode, out=tmp_path / "2")  # it has the file of now as well
     code, summary = system.finish()
