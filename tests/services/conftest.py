@@ -293,9 +293,12 @@ def run_system(endpoint, tmp_path):
         yield run
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def standing(free_endpoint, tmp_path_factory):
-    """Return a function: a task's services with two workers, which stand from test to test."""
+    """Return a function: a task's services with two workers, which stand from test to test.
+
+    They end with this folder's tests: those of others look for what runs on this machine.
+    """
     with ExitStack() as stack:
 
         @cache
