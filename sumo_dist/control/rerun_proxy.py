@@ -58,8 +58,9 @@ class RerunProxy:
         silent = web.Response(status=502, text="the tracer's viewer does not answer\n")
         deadline = time.monotonic() + GAP_S
         while True:
+            ports = self._ports()
             try:
-                if (ports := self._ports()) is not None:
+                if ports is not None:
                     return await self._fetch(request, f"http://127.0.0.1:{ports[which]}{path}")
             except ClientConnectorError:  # it does not listen
                 pass
