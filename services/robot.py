@@ -205,15 +205,19 @@ class Session:
         return guarded(self._loop, episode)
 
     def _await_another(self, episode: Episode, ending: Ending) -> EpisodeConfig | None:
-        """Wait for a command that begins another episode; None if told to end."""
+        """Wait for a command that begins another episode; None if told to end.
+
+        What is set meanwhile is the next one's.
+        """
         self._tell("info", f"the episode has ended: {ending.reason}; waiting for a reset or a task")
         self._mode, operator = "ended", self._link.operator
+        later = episode.body.tick + 1
         while not self._stop.is_set():
             for command in operator.take(episode.body.tick, 0.0):
                 refusal = "the episode has ended: reset, or give a task"
-                if command.verb in ("reset", "task"):
-                    refusal = episode.controls.apply(command, episode.body.tick)
-                operator.answer(command, episode.body.tick, refusal)
+                if command.verb in ("reset", "task", "weight", "parameter", "planner"):
+                    refusal = episode.controls.apply(command, later)
+                operator.answer(command, later, refusal)
                 if episode.controls.following is not None:
                     return episode.controls.following
             self._stop.wait(0.05)

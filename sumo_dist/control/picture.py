@@ -154,9 +154,20 @@ class Picture:
     @property
     def view(self) -> tuple[int, int] | None:
         """Ports of this machine on which the tracer serves Rerun's page and its data, if any."""
-        tokens = [member for member in self._members.copy() if member.role == "tracer"]
-        ports = [view_ports(token.build) for token in tokens if is_here(token.id)]
-        return next((found for found in ports if found is not None), None)
+        tracer = self._tracer
+        return None if tracer is None else view_ports(tracer.build)
+
+    @property
+    def _tracer(self) -> Member | None:
+        """Return the tracer of this machine that serves Rerun's page, if any."""
+        return next(
+            (
+                member
+                for member in self._members.copy()
+                if member.role == "tracer" and is_here(member.id) and view_ports(member.build)
+            ),
+            None,
+        )
 
     def snapshot(self) -> dict[str, Any]:
         """Return the picture, all but what `offer` has."""
@@ -169,7 +180,7 @@ class Picture:
                 "numbers": self._numbers(),
                 "floor": self._places(),
                 "services": sorted({member.role for member in self._members}),
-                "view": self.view is not None,
+                "view": "" if (tracer := self._tracer) is None else tracer.id,
                 "workers": self._of_workers(now),
                 "events": list(self._events),
                 "end": None if self._end is None else vars(self._end),

@@ -53,8 +53,6 @@ def repeats(ask, brought, folder):
 
 SIGNALS = {
     "Ctrl-C": [signal.SIGINT],
-    "TERM": [signal.SIGTERM],
-    "HUP": [signal.SIGHUP],
     "a terminal that is closed: HUP twice, then TERM": [
         *(signal.SIGHUP, signal.SIGHUP, signal.SIGTERM)
     ],
@@ -85,20 +83,18 @@ def test_a_hangup_that_is_ignored_ends_nothing(ask, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gone", ["stdout", "stderr", "both"])
-def test_a_reader_that_goes_away_ends_nothing(ask, tmp_path, gone):
+def test_readers_that_go_away_end_nothing(ask, tmp_path):
     with started(tmp_path, *LONG, "--time-limit", "4.2") as process:
-        for name in ("stdout", "stderr") if gone == "both" else (gone,):
+        for name in ("stdout", "stderr"):
             getattr(process, name).close()
             setattr(process, name, None)
         assert process.wait(120) == 1  # the run's own code
-        assert process.stderr is None or "Traceback" not in process.stderr.read()
     assert len(Recording.load(tmp_path / "run" / "run.npz").states) == 211
-    repeats(ask, f"nobody reads {gone}", tmp_path)
+    repeats(ask, "nobody reads it any more", tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wait", [0.0, 0.05, 0.15, 0.3, 0.6])
+@pytest.mark.parametrize("wait", [0.0, 0.15, 0.5])
 def test_ctrl_c_while_a_command_is_being_loaded_is_quiet(tmp_path, wait):
     """At any moment from when the command line is being imported, whatever is imported then."""
     verbose = {**os.environ, "PYTHONVERBOSE": "1"}

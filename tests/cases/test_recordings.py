@@ -153,11 +153,12 @@ def test_without_an_argument_the_newest_run_is_taken(ask, run, tmp_path, monkeyp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["numpy", "imageio", "logging"])
-def test_a_film_beside_a_file_named_like_a_module(ask, run, tmp_path, name):
-    (tmp_path / f"{name}.py").write_text(f"raise RuntimeError('my {name}.py')")
+def test_a_film_beside_files_named_like_modules(ask, run, tmp_path):
+    for name in ("numpy", "imageio", "logging"):
+        (tmp_path / f"{name}.py").write_text(f"raise RuntimeError('my {name}.py')")
+    brought = "numpy.py, imageio.py, logging.py in the working directory"
     ask(
-        *(ALONE, f"a {name}.py in the working directory", "replay", run, "--render", "film.jpg"),
+        *(ALONE, brought, "replay", run, "--render", "film.jpg"),
         code=0,
         says="wrote film.jpg",
         own_process=True,

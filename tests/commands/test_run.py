@@ -194,7 +194,7 @@ def test_a_corrupt_policy_file_is_named_with_what_heals_it(tmp_path):
     folder = tmp_path / "policies"
     folder.mkdir()
     (folder / good.name).write_bytes(good.read_bytes()[:-1] + b"x")
-    args = ["--workers", "2", "--out", tmp_path / "run", *QUICK, *FREE]
+    args = ["--workers", "1", "--out", tmp_path / "run", *QUICK, *FREE]
     code, out, err = sumo_dist("run", "spot/move_box", *args, SUMO_DIST_CACHE=str(tmp_path))
     assert (code, out) == (3, "")
     assert f"{good.name} is not the pinned file" in err
@@ -236,12 +236,12 @@ def until(condition, timeout):
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs Linux's /proc")
 @pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
 def test_no_service_outlives_its_launcher(tmp_path, end, code):
-    args = ["--workers", "2", "--out", tmp_path, "--viewer", "none", *FREE]
+    args = ["--workers", "1", "--out", tmp_path, *QUICK, *FREE]
     launcher = start("run", "spot/move_box", *args)
     try:
         while "cost" not in launcher.stderr.readline():  # until the first plan
             assert launcher.poll() is None
-        assert len(descendants(launcher.pid)) >= 6
+        assert len(descendants(launcher.pid)) >= 5
         launcher.send_signal(end)
         assert launcher.wait(20.0) == code
         assert until(lambda: not descendants(launcher.pid), 20.0)

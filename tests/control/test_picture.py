@@ -188,6 +188,8 @@ def test_the_view_is_that_of_a_tracer_of_this_machine(picture):
     assert picture.view is None
     picture.member(Member("tracer", unique_name(), SCHEMA, "-"), True)
     assert picture.view is None
-    picture.member(Member("tracer", unique_name(), SCHEMA, view_token(9090, 9876)), True)
+    assert picture.snapshot()["view"] == ""
+    name = unique_name()
+    picture.member(Member("tracer", name, SCHEMA, view_token(9090, 9876)), True)
     assert picture.view == (9090, 9876)
-    assert picture.snapshot()["view"] is True
+    assert picture.snapshot()["view"] == name

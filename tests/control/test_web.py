@@ -6,6 +6,7 @@ import threading
 import pytest
 from aiohttp import ClientSession, WSMsgType, web
 
+from sumo_dist.control import rerun_proxy
 from sumo_dist.control.answer import Answer
 from sumo_dist.control.picture import Picture
 from sumo_dist.control.web import PAGE, Access, ControlServer
@@ -222,12 +223,20 @@ def test_beyond_this_machine_the_token_has_to_be_shown_once():
     serve(check, Access("secret", ()))
 
 
-def test_reruns_page_and_data_are_passed_on_as_they_come():
-    """Its data is an answer without an end."""
+def test_reruns_page_and_data_are_passed_on_as_they_come(monkeypatch):
+    """Its data is an answer without an end; a tracer that is not there yet is waited for."""
 
     async def check(served):
-        async with served.get("/view/") as response:
-            assert response.status == 503
+        with monkeypatch.context() as patch:
+            patch.setattr(rerun_proxy, "GAP_S", 0.1)
+            async with served.get("/view/") as response:
+                assert response.status == 503
+
+        async def early():
+            async with served.get("/view/early") as response:
+                return await response.text()
+
+        waiting = asyncio.create_task(early())
         release = asyncio.Event()
 
         async def data(request):
@@ -242,15 +251,23 @@ def test_reruns_page_and_data_are_passed_on_as_they_come():
         async def page(request):
             return web.Response(text=request.path, headers={"X-Own": "1", "ETag": '"e"'})
 
-        app = web.Application()
-        app.router.add_post("/rerun.sdk_comms.v1alpha1.Proxy/Read", data)
-        app.router.add_get("/{path:.*}", page)
-        runner = web.AppRunner(app)
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        async def rerun(port=0):
+            app = web.Application()
+            app.router.add_post("/rerun.sdk_comms.v1alpha1.Proxy/Read", data)
+            app.router.add_get("/{path:.*}", page)
+            runner = web.AppRunner(app)
+            await runner.setup()
+            await web.TCPSite(runner, "127.0.0.1", port).start()
+            return runner
+
+        runner = await rerun()
         port = runner.addresses[0][1]
         token = view_token(port, port)
-        served.picture.member(Member("tracer", unique_name(), SCHEMA, token), True)
+        tracer = Member("tracer", unique_name(), SCHEMA, token)
+        await asyncio.sleep(0.2)
+        assert not waiting.done()
+        served.picture.member(tracer, True)
+        assert await waiting == "/early"
         async with served.get("/view/re_viewer_bg.wasm") as response:
             assert await response.text() == "/re_viewer_bg.wasm"
             assert response.headers["ETag"] == '"e"'
@@ -261,7 +278,15 @@ def test_reruns_page_and_data_are_passed_on_as_they_come():
             release.set()
             assert await response.content.readany() == b" second"
         await runner.cleanup()
+        monkeypatch.setattr(rerun_proxy, "GAP_S", 0.1)
         async with served.get("/view/") as response:
             assert response.status == 502
+        monkeypatch.setattr(rerun_proxy, "GAP_S", 30.0)
+        waiting = asyncio.create_task(early())  # before it listens again
+        await asyncio.sleep(0.2)
+        assert not waiting.done()
+        runner = await rerun(port)
+        assert await waiting == "/early"
+        await runner.cleanup()
 
     serve(check)

@@ -36,6 +36,12 @@ def config():
 
 
 @pytest.fixture(scope="session")
+def calm():
+    """Noise so low that the robot stands, and its run goes on, for as long as a test needs it."""
+    return replace(QUICK, variance_first=0.01, variance_last=0.01)
+
+
+@pytest.fixture(scope="session")
 def problem(config):
     return Problem.build(load_task("spot/move_box"), planning_options(config))
 
@@ -146,6 +152,13 @@ class System:
 
     def _workers_of(self, names):
         return {member.id for member in self._members.now} & names
+
+    @contextmanager
+    def held(self):
+        """Let no robot time pass: what is to happen in a run, such as a start, may take long."""
+        assert self.command("pause").refusal == ""
+        yield
+        assert self.command("resume").refusal == ""
 
     def start_like(self, name, new_name, **changes):
         """Start a service beside one that runs, with other options; return its process."""
@@ -280,9 +293,12 @@ def run_system(endpoint, tmp_path):
         yield run
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def standing(free_endpoint, tmp_path_factory):
-    """Return a function: a task's services with two workers, which stand from test to test."""
+    """Return a function: a task's services with two workers, which stand from test to test.
+
+    They end with this folder's tests: those of others look for what runs on this machine.
+    """
     with ExitStack() as stack:
 
         @cache

@@ -92,15 +92,21 @@ def served(endpoint, port):
         assert not thread.is_alive()
 
 
-def test_a_live_run_is_driven_from_the_browser(browser, run_system, endpoint, free_endpoint):
-    """Everything that an operator does, in one run; two tabs, a reload, and a service that goes."""
-    system = run_system(workers=1, time_limit=60.0, stay=True)
+def test_a_live_run_is_driven_from_the_browser(browser, run_system, calm, free_endpoint):
+    """Everything that an operator does, in one run; two tabs, a reload, and a service that goes.
+
+    Robot time passes only where a plan is needed: however slow the browser is, no episode ends
+    while the page is worked.
+    """
+    system = run_system(workers=1, planner=calm, time_limit=3600.0, stay=True)
+    assert system.command("pause").refusal == ""
     questions = system.bus.newest(Question)
     port = free_endpoint().rpartition(":")[2]
-    with served(endpoint, port):
+    with served(system.endpoint, port):
         first = Page(browser, f"http://127.0.0.1:{port}/")
         second = Page(browser, f"http://127.0.0.1:{port}/")
-        first.mode("running")
+        first.mode("paused")
+        hold_and_release(first, second)
         steer_numbers(first, second, questions)
         drag_the_goal(first, questions)
         switch(first, second, system)
@@ -108,22 +114,40 @@ def test_a_live_run_is_driven_from_the_browser(browser, run_system, endpoint, fr
         first.until("document.querySelector('#task').textContent === 'spot/move_tire'")
         lose_and_find_services(first, system)
     first.until("document.querySelector('#banner').textContent.startsWith('No line')")
-    with served(endpoint, port):  # the page finds it again by itself
+    with served(system.endpoint, port):  # the page finds it again by itself
         first.until("!document.body.classList.contains('stale')")
         first.tab.keyboard.press("r")
-        system.after_plan(1, episode=3)
-        first.until("!document.querySelector('#banner').textContent.includes('ended')")
+        hold(system, first, episode=3)
         first.tab.keyboard.press("Escape")
         first.mode("ended")
         assert "stopped by" in first.text("#banner")
+        set_between_episodes(first, system, questions)
     assert first.errors == second.errors == []
 
 
-def steer_numbers(page, other, questions):
-    """Pause, change a weight by its slider, step: the cost and the other tab follow."""
-    page.tab.keyboard.press("p")
+def hold(system, page, episode):
+    """Pause an episode as soon as it has plans, and wait for the page to show it."""
+    system.after_plan(1, episode)
+    assert system.command("pause").refusal == ""
     page.mode("paused")
-    other.mode("paused")
+    page.until("document.querySelector('#banner').hidden")
+
+
+def hold_and_release(page, other):
+    """By a key; the other tab follows."""
+    for mode in ("running", "paused"):
+        page.tab.keyboard.press("p")
+        page.mode(mode)
+        other.mode(mode)
+
+
+def step(page):
+    """Half a second, in which plans are made."""
+    page.tab.locator("#step").click(modifiers=["Shift"])
+
+
+def steer_numbers(page, other, questions):
+    """Change a weight by its slider, step: the cost and the other tab follow."""
     before = page.text("#costs .bar:first-child b")
     weight = page.number("goal")
     slider = page.tab.get_by_label("goal, slider")
@@ -133,12 +157,12 @@ def steer_numbers(page, other, questions):
     assert highest > weight
     time.sleep(0.5)
     assert page.number("goal") == highest  # though no plan has it yet
-    page.tab.locator("#step").click(modifiers=["Shift"])
+    step(page)
     other.until(f"document.querySelector('[aria-label=goal]').value === '{highest:g}'")
     assert questions.peek().weights.max() >= highest
     page.until(f"document.querySelector('#costs .bar b').textContent !== '{before}'")
     page.set("rollouts", 6)
-    page.tab.keyboard.press("p")
+    step(page)
     page.until("document.querySelector('#gauges').textContent.includes('rollouts6')")
 
 
@@ -157,6 +181,7 @@ def drag_the_goal(page, questions):
     wanted = page.number("goal x"), page.number("goal y")
     assert wanted[0] > put[0] + 0.05
     assert wanted[1] > put[1] + 0.05
+    step(page)
     deadline = time.monotonic() + PATIENCE_MS / 1e3
     while abs(questions.peek().parameters[0] - wanted[0]) > 1e-3:
         assert time.monotonic() < deadline
@@ -169,11 +194,11 @@ def switch(page, other, system):
     page.tab.get_by_label("optimizer").select_option("mppi")
     page.set("seed", 7)
     page.tab.locator("#tasks").select_option("spot/move_tire")
+    hold(system, page, episode=2)
     for tab in (page, other):
         tab.until("document.querySelector('#task').textContent === 'spot/move_tire'")
         tab.until("document.querySelector('[aria-label=optimizer]').value === 'mppi'")
     assert other.number("seed") == 7
-    system.after_plan(1, episode=2)
 
 
 def lose_and_find_services(page, system):
@@ -186,16 +211,33 @@ def lose_and_find_services(page, system):
     page.until("document.querySelector('#banner').textContent.startsWith('No worker')")
     system.start_again("local-0")
     page.until("document.querySelector('#banner').hidden")
+    step(page)
     page.until("/local-0.*answers/s.test(document.querySelector('#fleet table').textContent)")
 
 
-def test_reruns_view_is_within_the_page(browser, run_system, endpoint, free_endpoint, tmp_path):
+def set_between_episodes(page, system, questions):
+    """What is set while none goes on is shown and is the next one's; what is refused is not."""
+    page.tab.get_by_label("optimizer").select_option("cem")
+    page.set("rollouts", 7)
+    page.tab.wait_for_timeout(500)
+    assert page.tab.get_by_label("optimizer").input_value() == "cem"
+    assert page.number("rollouts") == 7
+    page.tab.keyboard.press("n")
+    hold(system, page, episode=4)
+    settings = questions.peek().settings
+    assert (settings["optimizer"], settings["rollouts"]) == ("cem", 7)
+
+
+def test_reruns_view_is_within_the_page(browser, run_system, calm, free_endpoint, tmp_path):
     """Its page and its data come under the page's own address."""
-    system = run_system(workers=1, time_limit=60.0)
-    tracer = serve.Tracer(connect=endpoint, robot="spot", viewer=EMBEDDED, out=tmp_path / "view")
+    system = run_system(workers=1, planner=calm, time_limit=3600.0)
+    assert system.command("pause").refusal == ""  # a tracer ends with the run
+    tracer = serve.Tracer(
+        connect=system.endpoint, robot="spot", viewer=EMBEDDED, out=tmp_path / "view"
+    )
     system.start(Service("tracer", "tracer", tracer, vital=False))
     port = free_endpoint().rpartition(":")[2]
-    with served(endpoint, port):
+    with served(system.endpoint, port):
         page = Page(browser, f"http://127.0.0.1:{port}/")
         asked = []
         page.tab.on("response", lambda answer: asked.append((answer.url, answer.status)))
@@ -208,6 +250,12 @@ def test_reruns_view_is_within_the_page(browser, run_system, endpoint, free_endp
         assert all(
             f"//127.0.0.1:{port}/" in url or f"//localhost:{port}/" in url for url, _ in asked
         )
+        system.kill("tracer")
+        asked.clear()
+        system.start_again("tracer")  # Rerun does not find its data again: its page is loaded anew
+        while not any("/view/?url=" in url and status == 200 for url, status in asked):
+            assert time.monotonic() < deadline + PATIENCE_MS / 1e3, asked
+            page.tab.wait_for_timeout(100)
         page.tab.locator("#scene").uncheck()  # it costs a slow browser most of its time
         page.tab.wait_for_selector("iframe", state="hidden")
         system.kill("tracer")

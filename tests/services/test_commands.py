@@ -243,8 +243,11 @@ def test_a_robot_that_stays_waits_for_another_episode(robot_starts, eventually):
         health = bus.newest(Health, address="robot")
         assert eventually(lambda: health.peek() and health.peek().mode == "ended", 60.0)
         refusal = "the episode has ended: reset, or give a task"
-        assert system.command("weight", "goal", "70").refusal == refusal
+        assert system.command("pause").refusal == refusal
         assert system.command("task", "spot/none").refusal.startswith("unknown task")
+        assert system.command("weight", "gaol", "70").refusal.startswith("unknown cost term")
+        assert system.command("weight", "goal", "70").refusal == ""  # of the next episode
+        assert system.command("planner", "rollouts", "8").refusal == ""
         assert system.command("reset", value="4").refusal == ""
         assert eventually(lambda: len(system.endings) == 2, 60.0)
         system.endings.clear()
@@ -253,7 +256,12 @@ def test_a_robot_that_stays_waits_for_another_episode(robot_starts, eventually):
     system.processes["robot-interface"].terminate()
     _, summary = system.finish(episode=3)
     assert summary["task"] == "spot/move_cone"
-    assert [system.recording(n).ending for n in (1, 2)] == ["timeout", "timeout"]
+    first, second = system.recording(1), system.recording(2)
+    assert (first.ending, second.ending) == ("timeout", "timeout")
+    goal = load_task("spot/move_box").table.terms.index("goal")
+    assert (first.weights[-1][goal], second.weights[0][goal]) == (60.0, 70.0)
+    assert (second.rollouts[0], system.recording(3).rollouts[0]) == (8, 8)
+    assert first.operator == []
 
 
 @pytest.mark.alone

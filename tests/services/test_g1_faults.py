@@ -113,16 +113,3 @@ def test_an_emergency_stop_is_final(start, capfd, eventually):
         in capfd.readouterr().err
     )
     assert_it_lies_at_rest(system)
-
-
-def test_in_lockstep_what_restarts_costs_time_and_nothing_else(robot_starts, expected_digests):
-    system = robot_starts(TASK, time_limit=1.0)
-    system.after_plan(4)
-    system.restart("router")
-    system.after_plan(8)
-    system.restart("local-0")
-    system.restart("optimizer")
-    code, summary = system.finish()
-    assert (code, summary["end_reason"]) == (1, "timeout")
-    digests = summary["plan_digest"], summary["state_digest"]
-    assert digests == expected_digests(task=TASK, time_limit=1.0)

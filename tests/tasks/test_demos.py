@@ -36,7 +36,7 @@ WEIGHTS = {
     "rack_drag": "goal 500 askew 50 grasp_point 250 wrist 250 approach 100 grasp -100 tipped 2500",
     "box_push": "goal 500 askew 50 torso 30 gripper 0.1 control 2",
 }
-OURS = {"spin", "hands off", "done", "upright", "empty", "fall"}
+OURS = {"low", "spin", "hands off", "done", "upright", "empty", "fall"}
 PLACES = {  # of the robot and of what it moves [m], and how far from there they may be
     "barrier_upright": ((0.0, 0.0), (2.0, 0.0), 0.25),
     "tire_stack": ((-2.0, -2.0), (-2.0, 0.0), 0.11),

@@ -98,6 +98,8 @@ export class Slider {
 
 // A menu of names. send: (value) => Promise of a refusal.
 export class Menu {
+  #taken = ""; // what the planner has, or has been told
+
   constructor(range, send) {
     this.element = document.createElement("label");
     this.element.title = range.about;
@@ -105,10 +107,17 @@ export class Menu {
     this.select = this.element.appendChild(document.createElement("select"));
     this.select.setAttribute("aria-label", range.name);
     fill(this.select, range.choices);
-    this.select.onchange = async () => { this.element.title = (await send(this.select.value)) || range.about; };
+    this.select.onchange = async () => {
+      const refusal = await send(this.select.value);
+      this.element.title = refusal || range.about;
+      if (refusal) this.select.value = this.#taken;
+    };
   }
 
-  show(value) { if (document.activeElement !== this.select) this.select.value = String(value); }
+  show(value) {
+    this.#taken = String(value);
+    if (document.activeElement !== this.select) this.select.value = this.#taken;
+  }
 }
 
 export function fill(select, names) {

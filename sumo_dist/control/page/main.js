@@ -6,7 +6,7 @@ import { Bars, Fleet, Header } from "./gauges.js";
 import { Line, newest } from "./line.js";
 
 const DRAG_MS = 150; // between two places of a goal that is being dragged
-const VIEW_MS = 10_000; // a tracer that is gone for less may be held up; to load Rerun again takes longer
+const VIEW_MS = 10_000; // as GAP_S of rerun_proxy.py: a tracer that is gone for less may be held up; to load Rerun again takes longer
 const STATE_S = 3.0; // a state that is older than this is told
 
 const by = (id) => document.getElementById(id);
@@ -14,7 +14,7 @@ const pending = new Pending();
 const header = new Header(), bars = new Bars();
 const fleet = new Fleet(async (name) => (await give("drain", name)).refusal);
 const floor = new Floor(document.querySelector("#floor canvas"), moveGoal);
-let viewed = -Infinity; // when a tracer was there
+let viewed = -Infinity, tracer = ""; // when a tracer was there, and which
 let offer = null, picture = null, told = null, lost = true;
 let weights = [], parameters = [], settings = new Map();
 
@@ -112,12 +112,13 @@ function showNumbers(numbers) {
 // Rerun's page under this page's own address, so that one port is enough.
 function showView() {
   const frame = document.querySelector("#view iframe"), note = document.querySelector("#view .note");
-  if (picture.view) viewed = performance.now();
+  const another = picture.view && picture.view !== tracer; // Rerun does not find its data again
+  if (picture.view) { viewed = performance.now(); tracer = picture.view; }
   const wanted = by("scene").checked, shown = wanted && performance.now() - viewed < VIEW_MS;
   document.body.classList.toggle("flat", !wanted);
   note.textContent = wanted ? "No tracer on this machine shows this run in 3D." : "The 3D view is off.";
   note.hidden = shown;
-  if (shown === !frame.hidden) return;
+  if (shown === !frame.hidden && !another) return;
   frame.hidden = !shown;
   if (!shown) { frame.removeAttribute("src"); return; }
   const host = otherName(), data = `rerun+${location.protocol}//${host}/proxy`;

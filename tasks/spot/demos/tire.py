@@ -14,6 +14,7 @@ from sumo_dist.tasks.spot.demos.shared import (
     FALL,
     FRAMES,
     HOLD,
+    LOW,
     UPRIGHT,
     base_speed,
     dot,
@@ -109,6 +110,7 @@ def tire_upright(legs: bool = False) -> Task:
             CostTerm(
                 "hands off", once(up, within(0.7, terms.distance("gripper", "object"))), 100.0
             ),
+            LOW,
             FALL,
         ),
         parameters=UPRIGHT,
@@ -213,6 +215,7 @@ def tire_stack() -> Task:
             CostTerm("control", base_speed, 1.0),
             CostTerm("hands off", off, 100.0),
             CostTerm("done", stacked, -80.0, "share"),
+            LOW,
             FALL,
         ),
         parameters=(

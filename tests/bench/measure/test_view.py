@@ -53,9 +53,11 @@ def test_a_run_that_fails_is_said():
 
 
 @pytest.mark.slow
-def test_times_real_runs(capsys):
+def test_times_real_runs(capsys, monkeypatch):
+    ways = {way: view.WAYS[way] for way in ("nobody", "page, 3D and recorder")}
+    monkeypatch.setattr(view, "WAYS", ways)
     options = ["--trials", "1", "--seconds", "0.2", "--workers", "1", "--pictures", "0"]
     assert main(["bench", "view", *options, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
-    assert [row["way"] for row in rows] == list(view.WAYS)
+    assert [row["way"] for row in rows] == list(ways)
     assert all(row["plans"] == 4 for row in rows)
