@@ -39,9 +39,9 @@ FRAMES = {
     "left_foot": FrameRef("site", "site_front_left"),
     "right_foot": FrameRef("site", "site_front_right"),
 }
-# Below the paper's 0.35 m a robot sprawls, from where it hardly gets up: by the share of the rollout,
-# so that getting up pays. A fall weighs what the released code's tire tasks have: at the paper's 2500 it
-# could pay to fall, if that sets the object upright.
+# Below the paper's 0.35 m a robot sprawls, and hardly gets up again: by the share of the rollout,
+# so that getting up pays. A fall weighs what the released code's tire tasks have: at the paper's
+# 2500 it could pay to fall, if that sets the object upright.
 LOW = CostTerm("low", terms.low(SPOT), 2500.0, "share")
 FALL = CostTerm("fall", terms.lies(SPOT), 10000.0, "any")
 
