@@ -50,7 +50,9 @@ class Secured:
         planner, still = PlannerConfig(rollouts=4, horizon=0.4, **calm), ("goal=0", "gripper=0")
         episode = EpisodeConfig("spot/move_box", 1, planner, time_limit=600.0, weight=still)
         keys = self.authority.home / "hosts" / "r"
-        deployment = Deployment(episode, 1, 1, self.out, None, None, 60.0, keys=keys)
+        deployment = Deployment(
+            *(episode, 1, 1, self.out, None, None, 60.0), keys=keys, give_way=False
+        )
         for service in services(deployment, self.tls):
             self.robot = launcher.start(service)
         self.goes_on()

@@ -268,6 +268,7 @@ def systems(endpoint, out):
             deployment = Deployment(
                 *(episode, workers, threads, out, viewer, speed, wait, resume_wait, stay),
                 trust=trust,
+                give_way=False,  # or they would starve beside the tests of another process
             )
             launcher = stack.enter_context(Launcher())
             router = Service("router", "router", Router(endpoint))

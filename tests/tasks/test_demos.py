@@ -219,11 +219,12 @@ def test_nearness_is_to_the_tires_surface(gripper, near):
     assert seen(too_near, gripper=frame(gripper), top=top) == pytest.approx(near)
 
 
-def test_a_wrist_is_askew_unless_it_points_along_the_barrier_with_its_y_along_the_posts():
-    barrier, level = frame((0, 0, 0)), frame((0, 0, 0))
-    rolled = frame((0, 0, 0), SIDEWAYS)
-    assert seen(wrist_askew, object=barrier, wrist=level) == pytest.approx(1.0)
+def test_a_wrist_points_at_the_barrier_along_it_with_its_y_along_the_posts():
+    barrier, rolled = frame((0, 0, 0)), frame((-1.2, 0, 0.5), SIDEWAYS)
+    assert seen(wrist_askew, object=barrier, wrist=frame((-1.2, 0, 0.5))) == pytest.approx(1.0)
     assert seen(wrist_askew, object=barrier, wrist=rolled) == pytest.approx(0.0, abs=1e-9)
+    beyond = frame((1.2, 0, 0.5), SIDEWAYS)  # at the other end, where it points away
+    assert seen(wrist_askew, object=barrier, wrist=beyond) == pytest.approx(2.0)
     assert seen(askew, object=frame((0, 0, 0), (0.0, 0.0, np.pi))) == pytest.approx(4.0)
 
 

@@ -47,8 +47,13 @@ def sites(*names: str) -> dict[str, FrameRef]:
 
 
 def wrist_askew(r: View) -> np.ndarray:
-    """How far the wrist is from pointing along the barrier, its y axis along the posts, (B, T)."""
-    along = 1.0 - np.abs(dot(r.wrist.x, r.object.x))
+    """How far the wrist is from pointing along the barrier, its y axis along the posts, (B, T).
+
+    The paper has |x_grip . x_b|, with which a hand that points away from the barrier is as good,
+    and stays so: here it has to point to the middle.
+    """
+    outside = np.sign(dot(r.wrist.pos - r.object.pos, r.object.x))
+    along = 1.0 + outside * dot(r.wrist.x, r.object.x)
     return along + 1.0 - np.abs(dot(r.wrist.y, r.object.z))
 
 
