@@ -17,6 +17,7 @@ from sumo_dist.tasks.spot.demos.shared import (
     LOW,
     OPEN_JAW,
     UPRIGHT,
+    at_goal,
     base_speed,
     delivery_test,
     dot,
@@ -38,6 +39,8 @@ from sumo_dist.tasks.terms import TIPPED
 SCENE = Scene(SPOT, (SceneObject("barrier", "objects/barrier.xml"),), floor_friction=1.0)
 REST_Z = 0.005  # height of its origin when it stands [m]
 CALM = {"torso": 0.5}  # with the arm's noise the torso noses down and the robot falls as it drags
+REACH = 1.17  # of the wrist from the middle when the jaw is around an end post [m]
+POST = (0.35, 0.85)  # heights at which an end post can be gripped [m]
 ON_A_SIDE = ((np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0))
 
 
@@ -55,6 +58,16 @@ def wrist_askew(r: View) -> np.ndarray:
     outside = np.sign(dot(r.wrist.pos - r.object.pos, r.object.x))
     along = 1.0 + outside * dot(r.wrist.x, r.object.x)
     return along + 1.0 - np.abs(dot(r.wrist.y, r.object.z))
+
+
+def off_post(r: View) -> np.ndarray:
+    """Distance of the wrist from where the jaw closes around the nearer end post, (B, T) [m].
+
+    Any height of the post is as good, but for its ends.
+    """
+    way = r.wrist.pos - r.object.pos
+    x, y, z = (dot(way, axis) for axis in (r.object.x, r.object.y, r.object.z))
+    return np.sqrt((np.abs(x) - REACH) ** 2 + y**2 + (z - np.clip(z, *POST)) ** 2)
 
 
 def barrier_upright() -> Task:
@@ -109,7 +122,7 @@ def barrier_drag() -> Task:
     the other barrier task. The wrist is drawn to an end post, where the released code has the
     middle of the bars: a jaw around a post holds 77 N, which it takes to drag the barrier.
     """
-    tipped = terms.tipped("object")
+    there, tipped = at_goal, terms.tipped("object")
     return Task(
         name="spot/demo_barrier_drag",
         scene=SCENE,
@@ -119,16 +132,15 @@ def barrier_drag() -> Task:
         frames={
             **FRAMES,
             "object": FrameRef("body", "barrier"),
-            **sites("grasp_left_low", "grasp_right_low"),
         },
         cost=(
             CostTerm("goal", terms.goal_distance("object", 0.0), 500.0),
             CostTerm("lying", lying(3.0), 50.0),
-            CostTerm("grasp point", nearest("wrist", "grasp_left_low", "grasp_right_low"), 250.0),
-            CostTerm("wrist", wrist_askew, 100.0),
+            CostTerm("grasp point", until(there, off_post), 250.0),
+            CostTerm("wrist", until(there, wrist_askew), 100.0),
             CostTerm("velocity", squared_speed("object"), 10.0),
             CostTerm("control", base_speed, 2.0),
-            *grasp_terms(),
+            *grasp_terms(there),
             CostTerm("tipped", tipped, 2500.0, "any"),
             LOW,
             FALL,

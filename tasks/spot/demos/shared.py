@@ -108,6 +108,11 @@ def stands(standing: Standing, tilt: float = SUCCESS_TILT) -> Predicate:
     return lambda r: standing.off(r) < standing.at(tilt)
 
 
+def at_goal(r: View) -> np.ndarray:
+    """Whether the object is well within the radius that success asks for, (B, T) bool."""
+    return terms.goal_distance("object")(r) < 0.75 * r.p.success_radius
+
+
 def obstruction(r: View) -> np.ndarray:
     """How firmly the jaw is around something, (B, T) from 0 to 1.
 
