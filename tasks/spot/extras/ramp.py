@@ -61,6 +61,12 @@ def beside_the_ramp(r: View) -> np.ndarray:
     return (np.abs(x - CENTRE[0]) > HALF[0]) & (y > FOOT)
 
 
+def on_the_incline(r: View) -> np.ndarray:
+    """Whether the chair is past the ramp's foot and not on its platform yet, (B, T) bool."""
+    y = r.object.pos[..., 1]
+    return (y > FOOT) & (y < CENTRE[1] - HALF[1])
+
+
 def chair_ramp() -> Task:
     """Spot pushes a chair up a ramp of 7.2 degrees, on which it rolls back if let go.
 
@@ -111,8 +117,8 @@ def chair_ramp() -> Task:
         success_hold=HOLD,
         failure={
             "tipped": tipped,
-            "before the ramp": lambda r: r.object.pos[..., 1] <= FOOT,
             "beside the ramp": beside_the_ramp,
+            "on the incline": on_the_incline,
             **LEFT,
         },
         goal=GOAL,
