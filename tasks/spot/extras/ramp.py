@@ -45,9 +45,9 @@ def off_lane(r: View) -> np.ndarray:
 
 
 def beyond_edge(r: View) -> np.ndarray:
-    """How far the castors reach over the platform's edge, (B, T) [m]; < 0 on the platform."""
+    """How far the castors reach over the platform's edge, (B, T) [m]."""
     off = np.abs(r.object.pos[..., :2] - CENTRE) - HALF
-    return off.max(axis=-1) + CASTORS
+    return np.maximum(off.max(axis=-1) + CASTORS, 0.0)
 
 
 def below_platform(r: View) -> np.ndarray:
@@ -98,7 +98,7 @@ def chair_ramp() -> Task:
             FALL,
         ),
         parameters=(
-            Parameter("success_edge", 0.0, "m", (-HALF[1] + CASTORS, CASTORS)),
+            Parameter("success_edge", 0.01, "m", (0.0, CASTORS)),
             Parameter("success_drop", 0.05, "m", (0.0, HEIGHT)),
             Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
             Parameter("success_tilt", SUCCESS_TILT, "rad", (0.0, np.pi / 4)),
