@@ -208,13 +208,13 @@ def test_the_cost_of_the_walk_is_the_releases_and_the_obstacles():
 @pytest.mark.parametrize(
     ("base", "yaw", "gap"),
     [
-        ((-2.0, 0.0), 0.0, 2.0 - 0.3 - 0.3 - 0.06),  # head on to the wall
-        ((-2.0, 0.0), np.pi / 2, 2.0 - 0.3 - 0.06),  # alongside it
-        ((0.0, 1.2), 0.0, 0.6 - 0.3),  # in the gap
-        ((0.0, 1.1), np.pi / 2, 0.2 - 0.3),  # across it
-        ((1.25, 2.2), np.pi / 2, 1.0 - 0.08 - 0.3),  # beside the post
-        ((2.0, 0.0), np.pi / 2, 0.55 - 0.3),  # beside the crate
-        ((0.0, 0.0), np.pi / 2, -0.3 - 0.06),  # in the wall
+        ((-2.0, 0.0), 0.0, 2.0 - 0.36 - 0.32 - 0.06),  # head on to the wall
+        ((-2.0, 0.0), np.pi / 2, 2.0 - 0.32 - 0.06),  # alongside it
+        ((0.0, 1.2), 0.0, 0.6 - 0.32),  # in the gap
+        ((0.0, 1.1), np.pi / 2, 0.14 - 0.32),  # across it
+        ((1.25, 2.2), np.pi / 2, 0.94 - 0.08 - 0.32),  # beside the post
+        ((2.0, 0.0), np.pi / 2, 0.65 - 0.32),  # beside the crate
+        ((0.0, 0.0), np.pi / 2, -0.32 - 0.06),  # in the wall
     ],
 )
 def test_room_is_from_the_robots_outline_to_the_nearest_side(base, yaw, gap):
@@ -224,7 +224,7 @@ def test_room_is_from_the_robots_outline_to_the_nearest_side(base, yaw, gap):
     assert (term(task, "collision", r) > 0) == (gap < 0)
 
 
-def test_the_outline_covers_the_feet():
+def test_the_outline_covers_feet_and_knees():
     """So that what costs nothing touches nothing."""
     task = load_task("spot/navigate")
     model = compile_model(task.scene, PLANT)
@@ -233,9 +233,11 @@ def test_the_outline_covers_the_feet():
     mujoco.mj_kinematics(model, data)
     base = data.body("body")
     centres = [base.xpos + s * base.xmat.reshape(3, 3)[:, 0] for s in OUTLINE]
-    for site in ("front_left", "front_right", "rear_left", "rear_right"):
-        foot = data.site(f"site_{site}").xpos
-        assert min(norm((foot - centre)[:2]) for centre in centres) < GIRTH
+    legs = ("front_left", "front_right", "rear_left", "rear_right")
+    feet = [data.site(f"site_{leg}").xpos for leg in legs]
+    knees = [data.body(f"{leg}_lower_leg").xpos for leg in legs]
+    for point in (*feet, *knees):
+        assert min(norm((point - centre)[:2]) for centre in centres) < GIRTH
 
 
 @pytest.mark.parametrize(

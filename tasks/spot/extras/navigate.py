@@ -21,8 +21,8 @@ from sumo_dist.tasks.task import Goal, Task
 from sumo_dist.tasks.terms import FALL_WEIGHT, Residual
 
 COURSE = SceneObject("course", "fixtures/course.xml")
-OUTLINE = (-0.3, 0.0, 0.3)  # along the base, centres of circles that cover body and legs [m]
-GIRTH = 0.3  # their radius [m]
+OUTLINE = (-0.36, 0.0, 0.36)  # along the base, centres of circles that cover body and legs [m]
+GIRTH = 0.32  # their radius [m]
 JAW_GIRTH = 0.1  # radius of a circle around the gripper [m]
 
 Prism = Callable[[np.ndarray], np.ndarray]
@@ -112,6 +112,6 @@ def navigate() -> Task:
         },
         goal=Goal("base", STAND_HEIGHT),
         trails=("base",),
-        planner={"horizon": 4.0, "rollouts": 10, "noise_exponent": 2.0, "base_noise": 1.0},
+        planner={"horizon": 3.0, "rollouts": 13, "noise_exponent": 2.0, "base_noise": 1.0},
         description="Spot walks to a goal behind a wall, through its gap and past a crate",
     )

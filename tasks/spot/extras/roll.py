@@ -4,7 +4,7 @@ import numpy as np
 
 from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
-from sumo_dist.robots.spot import spot_actions
+from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import OnFloor, Reset, anywhere_within
 from sumo_dist.tasks.spot.analysis import TIRE
@@ -43,7 +43,6 @@ def tire_roll() -> Task:
     100 steps: at that weight a tire that has lain down leaves nothing else to plan for. Success is
     a tire that stands at rest within 0.2 m; released it may roll past, at 0.5 m.
     """
-    lies = terms.lies
     return Task(
         name="spot/tire_roll",
         scene=TIRE.scene,
@@ -56,7 +55,7 @@ def tire_roll() -> Task:
             CostTerm("velocity", terms.speed("object"), 10.0),
             CostTerm("spin", terms.spin("object"), 0.3),
             CostTerm("lean", lambda r: AXLE_LEVEL.off(r) > LEAN, 500.0, "share"),
-            CostTerm("fall", lies(TIRE.scene.robot), 5000.0, "any"),
+            CostTerm("fall", terms.lies(SPOT), 5000.0, "any"),
         ),
         parameters=DELIVERY,
         reset=Reset(
@@ -67,10 +66,7 @@ def tire_roll() -> Task:
         ),
         success=delivery_test(AXLE_LEVEL),
         success_hold=HOLD,
-        failure={
-            "tipped": lambda r: AXLE_LEVEL.off(r) > AXLE_LEVEL.at(TIPPED),
-            **LEFT,
-        },
+        failure={"tipped": lambda r: AXLE_LEVEL.off(r) > AXLE_LEVEL.at(TIPPED), **LEFT},
         goal=Goal("object", TIRE.rest_z),
         description="Spot rolls a 15 kg tire, which stands, to its goal",
     )
