@@ -76,10 +76,10 @@ def navigate() -> Task:
     its free floor has not: 500 times the share of the rollout at which the robot's outline is in
     one; and 2 ||a||, so that it comes to rest at the goal. The distance is the straight one, and
     plans have to find the gap: with the usual 1.5 s the robot stays before the wall, since the way
-    to the gap leads away from the goal. Hence plans of 3 s with smooth noise,
-    which keeps to a direction, and fewer of them, about as dear as those of other tasks. Only the base is planned
-    for; the arm stays as in the stance, not stowed. Success is a robot at rest within 0.25 m;
-    released it may walk past, at 0.5 m.
+    to the gap leads away from the goal. Hence plans of 3 s, with smooth noise, which keeps to a
+    direction, and fewer of them, so that planning is about as dear as for other tasks. Only the
+    base is planned for; the arm stays as in the stance, not stowed. Success is a robot at rest
+    within 0.25 m; released it may walk past, at 0.5 m.
     """
     gap = clearance(tuple(prisms(COURSE.mjcf)))
 
