@@ -18,6 +18,7 @@ from sumo_dist.tasks.g1.door import door_open
 from sumo_dist.tasks.g1.push import PUSHES
 from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.spot.demos import DEMONSTRATIONS
+from sumo_dist.tasks.spot.extras import EXTRAS
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
@@ -25,7 +26,7 @@ TASK_FILES = (
     "SUMO_DIST_TASK_FILES"  # names a folder of copies, FOLDER/NAME.py for /.../FOLDER/NAME.py
 )
 _BESIDE: set[str] = set()  # names of modules that task files have imported from beside them
-_OURS = {**ANALYSIS, **DEMONSTRATIONS, **PUSHES, "g1/door_open": door_open}
+_OURS = {**ANALYSIS, **DEMONSTRATIONS, **EXTRAS, **PUSHES, "g1/door_open": door_open}
 
 
 def task_names() -> tuple[str, ...]:
