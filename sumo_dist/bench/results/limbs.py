@@ -11,7 +11,6 @@ import tyro
 
 from sumo_dist.bench.layout import markdown
 from sumo_dist.bench.results.journal import STANDING
-from sumo_dist.bench.results.outcomes import RECORDINGS
 from sumo_dist.costs.view import Joints, View
 from sumo_dist.errors import UsageError
 from sumo_dist.export.columns import aligned
@@ -32,7 +31,7 @@ class Options:
     """Options of `bench limbs`.
 
     Attributes:
-        folder: that `bench suite --recordings all` was run in.
+        folder: below which the recordings are, such as that of `bench suite --recordings all`.
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
@@ -60,9 +59,7 @@ class Use:
 def main(options: Options) -> int:
     """Print a row a task: means over its trials, and extremes of the torso."""
     found = sorted(
-        path
-        for path in (options.folder / RECORDINGS).glob("*/run.npz")
-        if not path.parent.name.endswith(STANDING)
+        path for path in options.folder.rglob("run.npz") if not path.parent.name.endswith(STANDING)
     )
     if not found:
         raise UsageError(f"{options.folder} holds no recordings: bench suite --recordings all")

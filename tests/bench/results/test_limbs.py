@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sumo_dist.bench.results import limbs
 from sumo_dist.bench.results.limbs import Use, rows, use
+from sumo_dist.bench.results.outcomes import RECORDINGS
 from sumo_dist.cli import main
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
@@ -62,8 +62,8 @@ def test_rows_are_means_over_trials_and_extremes_of_the_torso():
 
 def test_a_folder_of_trials_is_laid_out_without_those_that_only_stood(drag, tmp_path, capsys):
     for name in ("one", "one-standing"):
-        (tmp_path / limbs.RECORDINGS / name).mkdir(parents=True)
-        drag.save(tmp_path / limbs.RECORDINGS / name / "run.npz")
+        (tmp_path / RECORDINGS / name).mkdir(parents=True)
+        drag.save(tmp_path / RECORDINGS / name / "run.npz")
     assert main(["bench", "limbs", str(tmp_path)]) == 0
     assert "| spot/demo_barrier_drag | 1 " in capsys.readouterr().out
 
