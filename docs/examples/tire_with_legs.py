@@ -1,0 +1,11 @@
+"""spot/demo_tire_upright with the front legs, which the paper enables (results/paper-spot.md)."""
+
+from dataclasses import replace
+
+from sumo_dist.tasks.spot.demos.tire import tire_upright
+from sumo_dist.tasks.task import Task
+
+
+def task() -> Task:
+    """Return the task under a name of its own."""
+    return replace(tire_upright(legs=True), name="spot/tire_with_legs")
