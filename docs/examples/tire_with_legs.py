@@ -1,4 +1,4 @@
-"""spot/demo_tire_upright with the front legs, which the paper enables (results/paper-spot.md)."""
+"""spot/demo_tire_upright with the front legs, too, which the paper enables."""
 
 from dataclasses import replace
 
