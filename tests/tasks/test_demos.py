@@ -209,9 +209,9 @@ def test_a_stack_is_measured_between_the_tires():
 @pytest.mark.parametrize(
     ("gripper", "near"),
     [
-        ((0.0, 0.0, 0.39), 0.1),  # within the tire
-        ((0.0, 0.0, 0.39 + 0.13 + 0.04), 0.06),  # above its side
-        ((0.33 + 0.25, 0.0, 0.39), -0.15),  # beyond its tread
+        ((0.0, 0.0, 0.39), 0.2),  # within the tire
+        ((0.0, 0.0, 0.39 + 0.13 + 0.04), 0.16),  # above its side
+        ((0.33 + 0.25, 0.0, 0.39), -0.05),  # beyond its tread
     ],
 )
 def test_nearness_is_to_the_tires_surface(gripper, near):

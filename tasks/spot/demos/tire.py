@@ -174,12 +174,12 @@ def too_high(r: View) -> np.ndarray:
 
 
 def too_near(r: View) -> np.ndarray:
-    """How far the gripper is inside the 0.1 m around the upper tire, (B, T) [m]; outside < 0."""
+    """How far the gripper is inside the 0.2 m around the upper tire, (B, T) [m]; outside < 0."""
     way = r.gripper.pos - r.top.pos
     along = dot(way, r.top.y)
     beyond_tread = np.maximum(0.0, norm(way - along[..., None] * r.top.y) - RADIUS)
     beyond_side = np.maximum(0.0, np.abs(along) - WIDTH / 2)
-    return AWAY - np.sqrt(beyond_tread**2 + beyond_side**2)
+    return 2 * AWAY - np.sqrt(beyond_tread**2 + beyond_side**2)
 
 
 def stacked(r: View) -> np.ndarray:
@@ -222,7 +222,7 @@ def tire_stack() -> Task:
             Parameter("success_apart", 0.1, "m", (0.0, 0.5)),
             Parameter("success_height", 0.05, "m", (0.0, 0.5)),
             Parameter("success_speed", SUCCESS_SPEED, "m/s", (0.0, 1.0)),
-            Parameter("success_nearness", 0.0, "m", (-0.5, AWAY)),
+            Parameter("success_nearness", AWAY, "m", (0.0, 2 * AWAY)),
         ),
         reset=Reset(
             near((-2.0, -2.0), 0.1, 0.1),

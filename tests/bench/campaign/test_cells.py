@@ -85,5 +85,7 @@ def test_a_setting_is_either_of_all_cells_or_of_one():
 def test_suites_and_tasks_are_named_alike_and_once():
     found = named_tasks("g1/box_push,paper-analysis,spot/move_box")
     assert found == ["g1/box_push", *PAPER_ANALYSIS.figures]
-    with pytest.raises(UsageError, match=r"unknown task 'nope'; valid: .* paper-g1, spot/move_box"):
+    with pytest.raises(
+        UsageError, match=r"unknown task 'nope'; valid: .* paper-g1, paper-spot, spot/"
+    ):
         named_tasks("nope")
