@@ -136,7 +136,7 @@ def clip(recording: Recording, path: Path) -> None:
 def write(path: Path, pictures: Sequence[Any], durations: Sequence[int]) -> None:
     """Write pictures, each shown so long [ms], as an animation of at most _MOST_BYTES."""
     first, *others = pictures
-    animation: dict[str, Any] = {"save_all": True, "append_images": others, "loop": 0, "method": 6}
+    animation: dict[str, Any] = {"save_all": True, "append_images": others, "loop": 0, "method": 4}
     for quality in _QUALITIES:
         first.save(path, duration=list(durations), quality=quality, **animation)
         if path.stat().st_size < _MOST_BYTES:
