@@ -262,13 +262,14 @@ def systems(endpoint, out):
             viewer=None,
             starts_robot=True,
             trust=(),
+            give_way=False,  # workers that did would starve beside the tests of another process
             **changes,
         ):
             episode = EpisodeConfig(task, **{"seed": 1, "planner": QUICK, **changes})
             deployment = Deployment(
                 *(episode, workers, threads, out, viewer, speed, wait, resume_wait, stay),
                 trust=trust,
-                give_way=False,  # or they would starve beside the tests of another process
+                give_way=give_way,
             )
             launcher = stack.enter_context(Launcher())
             router = Service("router", "router", Router(endpoint))

@@ -146,6 +146,15 @@ def step(page):
     page.tab.locator("#step").click(modifiers=["Shift"])
 
 
+def step_until(page, script):
+    """Step until a condition holds: a step may end before what was set has come to the robot."""
+    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    while not page.tab.evaluate(script):
+        assert time.monotonic() < deadline, script
+        step(page)
+        page.tab.wait_for_timeout(2000)
+
+
 def steer_numbers(page, other, questions):
     """Change a weight by its slider, step: the cost and the other tab follow."""
     before = page.text("#costs .bar:first-child b")
@@ -162,8 +171,7 @@ def steer_numbers(page, other, questions):
     assert questions.peek().weights.max() >= highest
     page.until(f"document.querySelector('#costs .bar b').textContent !== '{before}'")
     page.set("rollouts", 6)
-    step(page)
-    page.until("document.querySelector('#gauges').textContent.includes('rollouts6')")
+    step_until(page, "document.querySelector('#gauges').textContent.includes('rollouts6')")
 
 
 def drag_the_goal(page, questions):
@@ -181,11 +189,11 @@ def drag_the_goal(page, questions):
     wanted = page.number("goal x"), page.number("goal y")
     assert wanted[0] > put[0] + 0.05
     assert wanted[1] > put[1] + 0.05
-    step(page)
     deadline = time.monotonic() + PATIENCE_MS / 1e3
     while abs(questions.peek().parameters[0] - wanted[0]) > 1e-3:
         assert time.monotonic() < deadline
-        time.sleep(0.05)
+        step(page)
+        page.tab.wait_for_timeout(2000)
     assert questions.peek().parameters[1] == pytest.approx(wanted[1], abs=1e-3)
 
 
@@ -211,8 +219,7 @@ def lose_and_find_services(page, system):
     page.until("document.querySelector('#banner').textContent.startsWith('No worker')")
     system.start_again("local-0")
     page.until("document.querySelector('#banner').hidden")
-    step(page)
-    page.until("/local-0.*answers/s.test(document.querySelector('#fleet table').textContent)")
+    step_until(page, "/local-0.*answers/s.test(document.querySelector('#fleet table').textContent)")
 
 
 def set_between_episodes(page, system, questions):

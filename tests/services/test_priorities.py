@@ -27,7 +27,7 @@ def permitted():
 
 
 def test_what_the_robot_waits_for_goes_before_rollouts(run_system):
-    system = run_system(workers=1, time_limit=20.0)
+    system = run_system(workers=1, time_limit=20.0, give_way=True)
     system.after_plan(2)
     scheduled = {
         name: os.sched_getscheduler(process.pid) for name, process in system.processes.items()

@@ -134,13 +134,17 @@ def clip(recording: Recording, path: Path) -> None:
 
 
 def write(path: Path, pictures: Sequence[Any], durations: Sequence[int]) -> None:
-    """Write pictures, each shown so long [ms], as an animation of at most _MOST_BYTES."""
+    """Write pictures, each shown so long [ms], as an animation of at most _MOST_BYTES.
+
+    What is too large at any quality loses every second picture.
+    """
     first, *others = pictures
     animation: dict[str, Any] = {"save_all": True, "append_images": others, "loop": 0, "method": 4}
     for quality in _QUALITIES:
         first.save(path, duration=list(durations), quality=quality, **animation)
         if path.stat().st_size < _MOST_BYTES:
-            break
+            return
+    write(path, pictures[::2], [2 * shown for shown in durations[::2]])
 
 
 def duration(picture: Any) -> int:

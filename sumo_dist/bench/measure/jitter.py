@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.layout import Result, run_bench, table
-from sumo_dist.bench.measure.runs import RunOptions
+from sumo_dist.bench.measure.runs import SAID, RunOptions
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError
 from sumo_dist.priority import CHOICES, VARIABLE
@@ -75,7 +75,7 @@ def run(options: Options, seed: int, choice: str) -> dict[str, Any]:
         except subprocess.TimeoutExpired as error:
             raise SumoError(f"the run with seed {seed} hung for {error.timeout:g} s") from None
         if done.returncode not in (0, 1):
-            raise SumoError(f"the run with seed {seed} failed: {done.stderr.strip()[-500:]}")
+            raise SumoError(f"the run with seed {seed} failed: {done.stderr.strip()[-SAID:]}")
         if choice != "normal" and f"{choice} priority" not in done.stderr:
             raise SumoError("real-time priority is not permitted here, see `sumo-dist doctor`")
         return read_summary(Path(folder))

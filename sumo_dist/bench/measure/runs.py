@@ -7,6 +7,8 @@ from sumo_dist.bench.layout import SeedOptions, check_at_least
 from sumo_dist.errors import UsageError
 from sumo_dist.provenance import cores
 
+SAID = 2000  # characters of what a run that failed has said, the last ones
+
 
 @dataclass(frozen=True)
 class RunOptions(SeedOptions):

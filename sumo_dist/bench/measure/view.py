@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from sumo_dist.bench.layout import Result, check_at_least, run_bench, table
-from sumo_dist.bench.measure.runs import RunOptions
+from sumo_dist.bench.measure.runs import SAID, RunOptions
 from sumo_dist.episode.summary import read_summary
 from sumo_dist.errors import SumoError
 from sumo_dist.extras import need
@@ -106,9 +106,9 @@ def _run(options: Options, seed: int, way: str) -> dict[str, Any]:
                 threading.Thread(target=_watch, args=(run,), daemon=True).start()
             code = run.wait(START_S + SLOWEST * options.seconds)
         if code is None:
-            raise SumoError(f"the run with seed {seed} hung: {run.said[-500:]}")
+            raise SumoError(f"the run with seed {seed} hung: {run.said[-SAID:]}")
         if code not in (0, 1):
-            raise SumoError(f"the run with seed {seed} failed: {run.said[-500:]}")
+            raise SumoError(f"the run with seed {seed} failed: {run.said[-SAID:]}")
         return read_summary(Path(folder))
 
 
@@ -137,7 +137,7 @@ class Launched:
         deadline = time.monotonic() + START_S
         while self.address is None:
             if self._process.poll() is not None or time.monotonic() > deadline:
-                raise SumoError(f"the run has no page: {self.said[-500:]}")
+                raise SumoError(f"the run has no page: {self.said[-SAID:]}")
             time.sleep(0.01)
         return self.address
 
