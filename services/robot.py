@@ -211,7 +211,7 @@ class Session:
         """
         self._tell("info", f"the episode has ended: {ending.reason}; waiting for a reset or a task")
         self._mode, operator = "ended", self._link.operator
-        later = episode.body.tick + 1
+        later = episode.body.tick + 1  # no part of what replay plans again of this episode
         while not self._stop.is_set():
             for command in operator.take(episode.body.tick, 0.0):
                 refusal = "the episode has ended: reset, or give a task"

@@ -41,7 +41,7 @@ class ActionSpace:
         velocities: indices of the dimensions that are velocities of the base, which the planner
             searches with a noise of their own; three of them are x, y and yaw, in this order.
         noise: (nu,) standard deviation of each dimension's search noise, over that of the planner's
-            settings; by default 1 of all.
+            settings; one number is that of all.
     """
 
     names: tuple[str, ...]
@@ -50,7 +50,7 @@ class ActionSpace:
     default: np.ndarray
     to_command: Callable[[np.ndarray], np.ndarray]
     velocities: tuple[int, ...] = ()
-    noise: np.ndarray = field(default_factory=lambda: np.ones(1))
+    noise: np.ndarray = field(default_factory=lambda: np.array(1.0))
     searched: np.ndarray = field(init=False)  # (ns,) indices of the dimensions with width
 
     def __post_init__(self) -> None:
@@ -63,16 +63,13 @@ class ActionSpace:
             raise UsageError(
                 f"action space: velocities {self.velocities} of {len(self.names)} dimensions"
             )
-        try:
-            noise = np.broadcast_to(np.asarray(self.noise, float), (len(self.names),))
-        except ValueError:
-            noise = np.array([np.nan])
-        if not (np.isfinite(noise).all() and (noise > 0.0).all()):
+        noise, each = np.asarray(self.noise, float), (len(self.names),)
+        if noise.shape not in ((), each) or not np.all((noise > 0.0) & np.isfinite(noise)):
             raise UsageError(
-                f"action space: noise must be a positive number, or one for each of "
+                "action space: noise must be a positive number, or one for each of "
                 f"{len(self.names)} dimensions, got {self.noise}"
             )
-        object.__setattr__(self, "noise", noise)
+        object.__setattr__(self, "noise", np.broadcast_to(noise, each))
         object.__setattr__(self, "searched", np.flatnonzero(self.upper > self.lower))
 
     def within(

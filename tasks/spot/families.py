@@ -112,6 +112,20 @@ def at_origin(_rng: np.random.Generator) -> tuple[np.ndarray, float]:
     return np.zeros(2), 0.0
 
 
+UPRIGHT = (
+    Parameter("success_tilt", SUCCESS_TILT, "rad", (0.0, np.pi / 4)),
+    Parameter("success_spin", SUCCESS_SPIN, "rad/s", (0.0, 1.0)),
+)
+
+
+def upright_test(standing: Standing) -> AllBelow:
+    """Return the test of an upright object at rest, by the parameters `UPRIGHT` (paper)."""
+    return AllBelow(
+        Measure("object's tilt", standing.tilt, "success_tilt"),
+        Measure("object's spin", terms.spin("object"), "success_spin"),
+    )
+
+
 def move(thing: Manipuland, robot: FloorDraw = near_origin, ring: FloorDraw = NEAR) -> Task:
     """Spot moves an object to its goal with base and arm; the goal is the origin by default.
 
@@ -177,10 +191,7 @@ def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = N
         robot: draws where the robot starts.
         ring: draws the place above which the object is dropped before the start.
     """
-    solved = AllBelow(
-        Measure("object's tilt", thing.standing.tilt, "success_tilt"),
-        Measure("object's spin", terms.spin("object"), "success_spin"),
-    )
+    solved = upright_test(thing.standing)
     return Task(
         name=f"spot/upright_{thing.name}",
         scene=thing.scene,
@@ -191,10 +202,7 @@ def upright(thing: Manipuland, robot: FloorDraw = at_origin, ring: FloorDraw = N
             CostTerm("gripper", terms.distance("gripper", "aim"), 0.5),
             CostTerm("fall", terms.lies(SPOT), FALL_WEIGHT, "any"),
         ),
-        parameters=(
-            Parameter("success_tilt", SUCCESS_TILT, "rad", (0.0, np.pi / 4)),
-            Parameter("success_spin", SUCCESS_SPIN, "rad/s", (0.0, 1.0)),
-        ),
+        parameters=UPRIGHT,
         reset=Reset(robot, (Dropped(thing.name, ring),), solved=solved),
         success=solved,
         failure=LEFT,

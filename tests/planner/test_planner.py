@@ -230,6 +230,18 @@ def test_the_base_is_searched_with_a_noise_of_its_own():
     assert np.array_equal(spreads[3.0][3:], spreads[1.0][3:])
 
 
+def test_a_space_may_search_a_limb_with_less_noise():
+    spreads = {}
+    for space in (spot_actions(torso=True), spot_actions(torso=True, noise={"torso": 0.5})):
+        small = {"variance_first": 1e-4, "variance_last": 1e-4}  # nothing is clipped
+        cost = Bowl()
+        middle = space.physical(np.zeros(space.size))
+        Planner(PlannerConfig(**small), replace(space, default=middle), 0).plan(request(), cost)
+        spreads[space.noise[-1]] = (cost.asked[0] - cost.asked[0][0]).std(axis=(0, 1))
+    assert np.array_equal(spreads[0.5][:-2], spreads[1.0][:-2])
+    assert spreads[0.5][-2:] == pytest.approx(0.5 * spreads[1.0][-2:], rel=1e-3)
+
+
 @pytest.mark.parametrize("spline", ["linear", "smooth"])
 def test_the_search_it_tells_of_is_the_noise_it_draws(spline):
     small = {"variance_first": 1e-5, "variance_last": 1e-4}  # nothing is clipped

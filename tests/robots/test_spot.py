@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sumo_dist.errors import UsageError
 from sumo_dist.robots.spot import SPOT, spot_actions
 
 UNSTOWED = [0.0, -0.9, 1.8, 0.0, -0.9, 0.0]
@@ -88,3 +91,27 @@ def test_a_batch_gives_the_bits_of_its_rows(seed, rows):
     for i in range(rows):
         np.testing.assert_array_equal(whole[i], actions.commands(unit[i]))
         np.testing.assert_array_equal(whole[i, 2], actions.commands(unit[i, 2]))
+
+
+def test_a_limb_has_its_noise_and_a_dimension_its_limits():
+    actions = spot_actions(gripper=True, noise={"base": 2.0, "gripper": 0.5})
+    assert actions.noise.tolist() == [2.0] * 3 + [1.0] * 6 + [0.5]
+    changed = actions.within("gripper", upper=0.0, default=-0.5)
+    assert (changed.lower[-1], changed.upper[-1], changed.default[-1]) == (-1.0, 0.0, -0.5)
+    assert np.array_equal(changed.upper[:-1], actions.upper[:-1])
+    assert actions.upper[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (lambda: spot_actions(noise={"torso": 0.5}), "unknown limb of noise 'torso'; valid: .*arm"),
+        (lambda: spot_actions(noise={"arm": 0.0}), "noise must be a positive number, or one"),
+        (lambda: replace(spot_actions(), noise=np.ones(2)), "or one for each of 9 dimensions"),
+        (lambda: spot_actions().within("tail", upper=1.0), "unknown dimension of an action 'tail'"),
+        (lambda: spot_actions().within("base_vx", upper=-2.0), "lower limit exceeds its upper"),
+    ],
+)
+def test_noise_and_limits_that_cannot_be_are_refused(wrong, reason):
+    with pytest.raises(UsageError, match=reason):
+        wrong()

@@ -16,8 +16,8 @@ from sumo_dist.tasks.spot.demos import DEMONSTRATIONS
 from sumo_dist.tasks.spot.demos.barrier import wrist_askew
 from sumo_dist.tasks.spot.demos.rack import askew
 from sumo_dist.tasks.spot.demos.rugged_box import behind
-from sumo_dist.tasks.spot.demos.shared import empty, lying, obstruction, once, until
 from sumo_dist.tasks.spot.demos.tire import beside, foot, height, highest, lean, too_near, tread
+from sumo_dist.tasks.spot.terms import empty, lying, obstruction, once, until
 
 NAMES = tuple(DEMONSTRATIONS)
 UPRIGHTS = tuple(name for name in NAMES if name.endswith("upright"))

@@ -144,7 +144,8 @@ def write(path: Path, pictures: Sequence[Any], durations: Sequence[int]) -> None
         first.save(path, duration=list(durations), quality=quality, **animation)
         if path.stat().st_size < _MOST_BYTES:
             return
-    write(path, pictures[::2], [2 * shown for shown in durations[::2]])
+    if others:
+        write(path, pictures[::2], [2 * shown for shown in durations[::2]])
 
 
 def duration(picture: Any) -> int:

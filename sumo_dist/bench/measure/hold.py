@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from sumo_dist.errors import UsageError, unknown
+from sumo_dist.math.rotations import matrix
 from sumo_dist.model.departures import compile_without
 from sumo_dist.model.scene import ModelOptions, Scene, SceneObject, build_spec
 from sumo_dist.model.settle import height_above_floor, without_robot
@@ -183,7 +184,7 @@ class Grip:
         model, data = self._model, self._data
         mujoco.mj_forward(model, data)
         pose = data.joint(int(model.body_jntadr[model.body_rootid[self._body]])).qpos
-        to_object = _matrix(pose[3:]).T
+        to_object = matrix(pose[3:]).T
         local = to_object @ (data.geom_xpos[self._geom] - pose[:3])
         across = to_object @ _long_axis(model, data, self._geom)
         ahead = np.array(thing.approach) - across * (across @ np.array(thing.approach))
@@ -254,7 +255,7 @@ class Dragged:
         mujoco.mj_forward(self._model, self._data)
         self._rest = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, self._rest, _STATE)
-        back = -_matrix(self._pose[3:]) @ np.array(rail.approach) * [1.0, 1.0, 0.0]
+        back = -matrix(self._pose[3:]) @ np.array(rail.approach) * [1.0, 1.0, 0.0]
         if (length := np.linalg.norm(back)) < _NOTHING:
             raise UsageError(f"{rail.geom} is approached from above: that is no way to drag it")
         self._back = back / length
@@ -276,7 +277,7 @@ class Dragged:
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, self._rest, _STATE)
         mujoco.mj_forward(model, data)
-        start, before = self._pose[:3].copy(), _matrix(self._pose[3:])
+        start, before = self._pose[:3].copy(), matrix(self._pose[3:])
         moved = 0.0
         for share in _rising():
             _apply(model, data, self._geom, share * force * self._back)
@@ -284,7 +285,7 @@ class Dragged:
             moved = float(self._back @ (self._pose[:3] - start))
             if moved > SLIPS:
                 break
-        turned = _matrix(self._pose[3:]) @ before.T
+        turned = matrix(self._pose[3:]) @ before.T
         cosines = np.clip((turned[2, 2], (np.trace(turned) - 1.0) / 2.0), -1.0, 1.0)
         tilt, turn = np.degrees(np.arccos(cosines)).tolist()
         return moved, tilt, turn
@@ -339,10 +340,3 @@ def _long_axis(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndar
     """Direction (3,) in which a bar lies, world."""
     column = np.argmax(model.geom_size[geom]) if model.geom_type[geom] == _BOX else 2
     return data.geom_xmat[geom].reshape(3, 3)[:, column]
-
-
-def _matrix(quat: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) of a quaternion wxyz."""
-    flat = np.empty(9)
-    mujoco.mju_quat2Mat(flat, quat)
-    return flat.reshape(3, 3)

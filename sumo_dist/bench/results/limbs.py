@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
@@ -18,12 +18,14 @@ from sumo_dist.model.index import StateIndex
 from sumo_dist.record.recording import Recording
 from sumo_dist.record.world import World
 from sumo_dist.robots.spot import LEFT_LEG, RIGHT_LEG
-from sumo_dist.tasks.spot.demos.shared import obstruction
+from sumo_dist.tasks.spot.terms import obstruction
 
 HEAD = (
     *("task", "trials", "jaw around something", "of the object's way", "left leg", "right leg"),
     *("torso height [m]", "torso pitch [rad]"),
 )
+
+LEAST = 1e-6  # a way of an object that counts as one [m]
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def use(recording: Recording) -> tuple[str, Use]:
     states = np.array(recording.states)
     actions = aligned(recording.actions, len(states), len(names))
     column = {name: actions[:, i] for i, name in enumerate(names)}
-    done: dict[str, object] = {}
+    done: dict[str, Any] = {}
     if "gripper" in column:
         index, targets = (
             StateIndex(world.model),
@@ -103,14 +105,17 @@ def use(recording: Recording) -> tuple[str, Use]:
         jaw = Joints(states[None], targets[None], index.columns, servos)
         grips = obstruction(View({}, actions[None], joints=jaw))[0] > 0.0
         moved = np.linalg.norm(np.diff(states[:, index.pose(_mover(world))][:, :2], axis=0), axis=1)
-        done |= {"grip": grips.mean(), "dragged": (moved * grips[1:]).sum() / moved.sum()}
+        done |= {
+            "grip": grips.mean(),
+            "dragged": (moved * grips[1:]).sum() / max(moved.sum(), LEAST),
+        }
     if "leg_selection" in column:
         chosen = column["leg_selection"]
         done |= {"left": (chosen < LEFT_LEG).mean(), "right": (chosen > RIGHT_LEG).mean()}
     for name, short in (("torso_height", "height"), ("torso_pitch", "pitch")):
         if name in column:
             done[short] = np.nanmin(column[name]), np.nanmax(column[name])
-    return world.task.name, Use(**done)  # type: ignore[arg-type]
+    return world.task.name, Use(**done)
 
 
 def _mover(world: World) -> str:

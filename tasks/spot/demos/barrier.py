@@ -8,45 +8,38 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
-from sumo_dist.tasks.reset import Dropped, OnFloor, Reset, near
-from sumo_dist.tasks.spot.demos.shared import (
-    DELIVERY,
+from sumo_dist.tasks.reset import Dropped, Reset, near
+from sumo_dist.tasks.spot.demos.deliver import deliver
+from sumo_dist.tasks.spot.families import LEFT, UPRIGHT, Z_UP, upright_test
+from sumo_dist.tasks.spot.terms import (
     FALL,
     FRAMES,
     HOLD,
     LOW,
     OPEN_JAW,
-    UPRIGHT,
     at_goal,
     base_speed,
-    delivery_test,
     dot,
     grasp_terms,
     lying,
     nearest,
+    not_fallen,
     once,
     spinning,
     squared_speed,
     stands,
     until,
-    upright_test,
     within,
 )
-from sumo_dist.tasks.spot.families import LEFT, Z_UP
-from sumo_dist.tasks.task import Goal, Task
-from sumo_dist.tasks.terms import TIPPED
+from sumo_dist.tasks.task import Task
 
 SCENE = Scene(SPOT, (SceneObject("barrier", "objects/barrier.xml"),), floor_friction=1.0)
 REST_Z = 0.005  # height of its origin when it stands [m]
 CALM = {"torso": 0.5}  # with the arm's noise the torso noses down and the robot falls as it drags
+SITES = ("grasp_left", "grasp_right", "approach_left", "approach_right")
 REACH = 1.17  # of the wrist from the middle when the jaw is around an end post [m]
 POST = (0.35, 0.85)  # heights at which an end post can be gripped [m]
 ON_A_SIDE = ((np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0))
-
-
-def sites(*names: str) -> dict[str, FrameRef]:
-    """Name sites of the barrier, as they are called in its model."""
-    return {name: FrameRef("site", f"barrier/{name}") for name in names}
 
 
 def wrist_askew(r: View) -> np.ndarray:
@@ -85,7 +78,7 @@ def barrier_upright() -> Task:
         frames={
             **FRAMES,
             "object": FrameRef("body", "barrier"),
-            **sites("grasp_left", "grasp_right", "approach_left", "approach_right"),
+            **{name: FrameRef("site", f"barrier/{name}") for name in SITES},
         },
         cost=(
             CostTerm("lying", lying(3.0), 10000.0),
@@ -106,7 +99,7 @@ def barrier_upright() -> Task:
         reset=Reset(
             near((0.0, 0.0), 0.1, 0.15),
             (Dropped("barrier", near((2.0, 0.0), 0.1, 0.15), ON_A_SIDE),),
-            solved=stands(Z_UP, TIPPED),
+            solved=not_fallen(Z_UP),
         ),
         success=upright_test(Z_UP),
         success_hold=HOLD,
@@ -123,37 +116,28 @@ def barrier_drag() -> Task:
     code has the middle of the bars: a jaw around a post holds what dragging takes
     (docs/results/bench_grip.md). The velocity's square is the mean of squares.
     """
-    there, tipped = at_goal, terms.tipped("object")
-    return Task(
-        name="spot/demo_barrier_drag",
-        scene=SCENE,
+    return deliver(
+        "spot/demo_barrier_drag",
+        SCENE,
+        REST_Z,
+        description="Spot grips a 16 kg barrier at one end and drags it to its goal",
         actions=spot_actions(gripper=True, torso=True, noise=CALM).within(
             "gripper", default=OPEN_JAW
         ),
-        frames={
-            **FRAMES,
-            "object": FrameRef("body", "barrier"),
-        },
         cost=(
             CostTerm("goal", terms.goal_distance("object", 0.0), 500.0),
             CostTerm("lying", lying(3.0), 50.0),
-            CostTerm("grasp point", until(there, off_post), 250.0),
-            CostTerm("wrist", until(there, wrist_askew), 100.0),
+            CostTerm("grasp point", until(at_goal, off_post), 250.0),
+            CostTerm("wrist", until(at_goal, wrist_askew), 100.0),
             CostTerm("velocity", squared_speed("object"), 10.0),
             CostTerm("control", base_speed, 2.0),
-            *grasp_terms(there),
-            CostTerm("tipped", tipped, 2500.0, "any"),
+            *grasp_terms(at_goal),
+            CostTerm("tipped", terms.tipped("object"), 2500.0, "any"),
             LOW,
             FALL,
         ),
-        parameters=DELIVERY,
-        reset=Reset(
-            near((-1.5, 0.0), 0.1, 0.15), (OnFloor("barrier", near((2.0, 0.0), 0.1, 0.15), REST_Z),)
-        ),
-        success=delivery_test(Z_UP),
-        success_hold=HOLD,
-        failure={"tipped": tipped, **LEFT},
-        goal=Goal("object", REST_Z),
+        robot=near((-1.5, 0.0), 0.1, 0.15),
+        where=near((2.0, 0.0), 0.1, 0.15),
+        frames={},
         planner={"rollouts": 32},  # of 16 too few close the jaw and pull in the same plan
-        description="Spot grips a 16 kg barrier at one end and drags it to its goal",
     )

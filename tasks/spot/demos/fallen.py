@@ -7,21 +7,19 @@ from sumo_dist.robots.spot import spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import Dropped, FloorDraw, Reset, Ring
 from sumo_dist.tasks.spot.analysis import CHAIR, CONE, FAR, behind_origin
-from sumo_dist.tasks.spot.demos.shared import (
+from sumo_dist.tasks.spot.families import LEFT, UPRIGHT, Manipuland, anywhere, upright_test
+from sumo_dist.tasks.spot.terms import (
     FALL,
     FRAMES,
     HOLD,
     LOW,
-    UPRIGHT,
     base_speed,
     lying,
+    not_fallen,
     squared_speed,
-    stands,
-    upright_test,
 )
-from sumo_dist.tasks.spot.families import LEFT, Manipuland, anywhere
 from sumo_dist.tasks.task import Task
-from sumo_dist.tasks.terms import TIPPED, Residual
+from sumo_dist.tasks.terms import Residual
 
 ON_ITS_SIDES = (
     (np.pi / 2, 0.0, 0.0),
@@ -74,7 +72,7 @@ def set_upright(
         reset=Reset(
             robot,
             (Dropped(thing.name, where, ON_ITS_SIDES),),
-            solved=stands(thing.standing, TIPPED),
+            solved=not_fallen(thing.standing),
         ),
         success=upright_test(thing.standing),
         success_hold=HOLD,

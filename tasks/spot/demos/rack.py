@@ -8,21 +8,19 @@ from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
-from sumo_dist.tasks.reset import OnFloor, Reset, near
-from sumo_dist.tasks.spot.demos.shared import (
-    DELIVERY,
+from sumo_dist.tasks.reset import near
+from sumo_dist.tasks.spot.demos.deliver import deliver
+from sumo_dist.tasks.spot.terms import (
     FALL,
-    FRAMES,
-    HOLD,
     LOW,
     OPEN_JAW,
-    delivery_test,
+    at_goal,
     dot,
     grasp_terms,
     nearest,
+    until,
 )
-from sumo_dist.tasks.spot.families import LEFT, Z_UP
-from sumo_dist.tasks.task import Goal, Task
+from sumo_dist.tasks.task import Task
 
 REST_Z = 0.3  # height of its origin when it stands [m]
 
@@ -45,42 +43,31 @@ def rack_drag() -> Task:
     them turned by 90 degrees. Its goal is on the floor, which the origin of a standing rack is not:
     here it is at the height where it stands.
     """
-    tipped = terms.tipped("object")
-    return Task(
-        name="spot/demo_rack_drag",
-        scene=Scene(SPOT, (SceneObject("rack", "objects/heavy_rack.xml"),)),
+    approach = nearest("base", "approach_left", "approach_mid", "approach_right")
+    return deliver(
+        "spot/demo_rack_drag",
+        Scene(SPOT, (SceneObject("rack", "objects/heavy_rack.xml"),)),
+        REST_Z,
+        description="Spot grips the bar of a 10 kg tire rack and drags it to its goal",
         actions=spot_actions(gripper=True).within("gripper", default=OPEN_JAW),
+        cost=(
+            CostTerm("goal", terms.goal_distance("object", REST_Z), 500.0),
+            CostTerm("askew", askew, 50.0),
+            CostTerm("grasp point", until(at_goal, terms.distance("wrist", "grasp")), 250.0),
+            CostTerm("wrist", until(at_goal, wrist_askew), 250.0),
+            CostTerm("approach", until(at_goal, approach), 100.0),
+            *grasp_terms(at_goal),
+            CostTerm("tipped", terms.tipped("object"), 2500.0, "any"),
+            LOW,
+            FALL,
+        ),
+        robot=near((-1.5, 0.0), 0.1, 0.15),
+        where=near((2.0, 0.0), 0.1, 0.15),
         frames={
-            **FRAMES,
-            "object": FrameRef("body", "rack"),
             "grasp": FrameRef("site", "rack/grasp_left_mid"),
             **{
                 f"approach_{side}": FrameRef("site", f"rack/approach_{side}")
                 for side in ("left", "mid", "right")
             },
         },
-        cost=(
-            CostTerm("goal", terms.goal_distance("object", REST_Z), 500.0),
-            CostTerm("askew", askew, 50.0),
-            CostTerm("grasp point", terms.distance("wrist", "grasp"), 250.0),
-            CostTerm("wrist", wrist_askew, 250.0),
-            CostTerm(
-                "approach",
-                nearest("base", "approach_left", "approach_mid", "approach_right"),
-                100.0,
-            ),
-            *grasp_terms(),
-            CostTerm("tipped", tipped, 2500.0, "any"),
-            LOW,
-            FALL,
-        ),
-        parameters=DELIVERY,
-        reset=Reset(
-            near((-1.5, 0.0), 0.1, 0.15), (OnFloor("rack", near((2.0, 0.0), 0.1, 0.15), REST_Z),)
-        ),
-        success=delivery_test(Z_UP),
-        success_hold=HOLD,
-        failure={"tipped": tipped, **LEFT},
-        goal=Goal("object", REST_Z),
-        description="Spot grips the bar of a 10 kg tire rack and drags it to its goal",
     )

@@ -4,24 +4,19 @@ import numpy as np
 
 from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
-from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
-from sumo_dist.tasks.reset import OnFloor, Reset, near
+from sumo_dist.tasks.reset import near
+from sumo_dist.tasks.spot.demos.deliver import deliver
 from sumo_dist.tasks.spot.demos.rack import askew
-from sumo_dist.tasks.spot.demos.shared import (
-    DELIVERY,
+from sumo_dist.tasks.spot.terms import (
     FALL,
-    FRAMES,
-    HOLD,
     OPEN_JAW,
     base_speed,
-    delivery_test,
     unit,
 )
-from sumo_dist.tasks.spot.families import LEFT, Z_UP
-from sumo_dist.tasks.task import Goal, Task
+from sumo_dist.tasks.task import Task
 
 CROUCH = 0.4  # height of the torso from which it pushes (paper) [m]
 BEHIND = 0.6  # of the torso from the box, on the far side of its goal (paper) [m]
@@ -41,11 +36,12 @@ def box_push() -> Task:
     released.
     """
     actions = spot_actions(gripper=True, torso=True).within("gripper", default=OPEN_JAW)
-    return Task(
-        name="spot/demo_box_push",
-        scene=Scene(SPOT, (SceneObject("box", "objects/rugged_box.xml"),), floor_friction=1.0),
+    return deliver(
+        "spot/demo_box_push",
+        Scene(SPOT, (SceneObject("box", "objects/rugged_box.xml"),), floor_friction=1.0),
+        0.0,
+        description="Spot pushes a 20 kg box, crouching, to its goal",
         actions=actions.within("torso_height", upper=CROUCH, default=CROUCH),
-        frames={**FRAMES, "object": FrameRef("body", "box")},
         cost=(
             CostTerm("goal", terms.goal_distance("object", 0.0), 500.0),
             CostTerm("askew", askew, 50.0),
@@ -54,12 +50,8 @@ def box_push() -> Task:
             CostTerm("control", base_speed, 2.0),
             FALL,
         ),
-        parameters=DELIVERY,
-        reset=Reset(near((1.0, 0.0), 0.2, 0.3), (OnFloor("box", near((0.5, 2.0), 0.2, 0.3), 0.0),)),
-        success=delivery_test(Z_UP),
-        success_hold=HOLD,
-        failure={"tipped": terms.tipped("object"), **LEFT},
-        goal=Goal("object", 0.0),
+        robot=near((1.0, 0.0), 0.2, 0.3),
+        where=near((0.5, 2.0), 0.2, 0.3),
+        frames={},
         time_limit=90.0,
-        description="Spot pushes a 20 kg box, crouching, to its goal",
     )

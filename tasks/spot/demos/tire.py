@@ -10,33 +10,37 @@ from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, STAND_HEIGHT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import Dropped, OnFloor, Reset, anywhere_within, near
-from sumo_dist.tasks.spot.demos.shared import (
-    FALL,
-    FRAMES,
-    HOLD,
-    LOW,
-    UPRIGHT,
-    base_speed,
-    dot,
-    once,
-    spinning,
-    stands,
-    unit,
-    until,
-    upright_test,
-    within,
-)
 from sumo_dist.tasks.spot.families import (
     AXLE_LEVEL,
     CLEARANCE,
     LEFT,
     SUCCESS_SPEED,
+    UPRIGHT,
+    upright_test,
+)
+from sumo_dist.tasks.spot.terms import (
+    FALL,
+    FRAMES,
+    HOLD,
+    LOW,
+    base_speed,
+    dot,
+    not_fallen,
+    once,
+    spinning,
+    stands,
+    unit,
+    until,
+    within,
 )
 from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Task
-from sumo_dist.tasks.terms import TIPPED
 
 TIRE = "objects/tire.xml"
+FEET = {
+    "left_foot": FrameRef("site", "site_front_left"),
+    "right_foot": FrameRef("site", "site_front_right"),
+}
 RADIUS, WIDTH = 0.33, 0.26  # of the tire [m]
 FLAT = ((np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0))  # on the one side or the other
 STANDOFF = 0.75  # of the torso from a tire that is set upright (released code) [m]
@@ -99,7 +103,7 @@ def tire_upright(legs: bool = False) -> Task:
         name="spot/demo_tire_upright",
         scene=Scene(SPOT, (SceneObject("tire", TIRE),)),
         actions=spot_actions(torso=True, legs=legs),
-        frames={**FRAMES, "object": FrameRef("body", "tire")},
+        frames={**FRAMES, **FEET, "object": FrameRef("body", "tire")},
         cost=(
             CostTerm("tilt", lambda r: np.exp(AXLE_LEVEL.off(r)), 200.0),
             CostTerm("gripper", until(up, tread), 10.0),
@@ -118,7 +122,7 @@ def tire_upright(legs: bool = False) -> Task:
             anywhere_within(2.0),
             (Dropped("tire", anywhere_within(2.0), FLAT),),
             CLEARANCE,
-            stands(AXLE_LEVEL, TIPPED),
+            not_fallen(AXLE_LEVEL),
         ),
         success=upright_test(AXLE_LEVEL),
         success_hold=HOLD,
@@ -183,8 +187,8 @@ def too_near(r: View) -> np.ndarray:
 
 
 def stacked(r: View) -> np.ndarray:
-    """Whether the tires lie upon each other, (B, T) bool."""
-    return (apart(r) <= 0.1) & (height(r) <= 0.05)
+    """Whether the tires lie upon each other as success asks for, (B, T) bool."""
+    return (apart(r) < r.p.success_apart) & (height(r) < r.p.success_height)
 
 
 def tire_stack() -> Task:

@@ -14,8 +14,8 @@ from sumo_dist.model.scene import Scene, SceneObject
 from sumo_dist.robots.spot import SPOT, STAND_HEIGHT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import Reset, near
-from sumo_dist.tasks.spot.demos.shared import HOLD, base_speed
 from sumo_dist.tasks.spot.families import WORKSPACE
+from sumo_dist.tasks.spot.terms import HOLD, base_speed
 from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Goal, Task
 from sumo_dist.tasks.terms import FALL_WEIGHT, Residual

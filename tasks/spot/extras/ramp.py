@@ -10,8 +10,8 @@ from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import OnFloor, Reset, near
 from sumo_dist.tasks.spot.analysis import CHAIR
-from sumo_dist.tasks.spot.demos.shared import FALL, HOLD, base_speed
 from sumo_dist.tasks.spot.families import LEFT, SUCCESS_SPEED, SUCCESS_TILT, Z_UP
+from sumo_dist.tasks.spot.terms import FALL, HOLD, base_speed
 from sumo_dist.tasks.success import AllBelow, Measure
 from sumo_dist.tasks.task import Task
 

@@ -10,8 +10,8 @@ from sumo_dist.robots.spot import SPOT, spot_actions
 from sumo_dist.tasks import terms
 from sumo_dist.tasks.reset import OnFloor, Reset, anywhere_within
 from sumo_dist.tasks.spot.analysis import TIRE
-from sumo_dist.tasks.spot.demos.shared import DELIVERY, HOLD, OPEN_JAW, delivery_test
 from sumo_dist.tasks.spot.families import AXLE_LEVEL, CLEARANCE, LEFT, at_origin
+from sumo_dist.tasks.spot.terms import DELIVERY, HOLD, OPEN_JAW, delivery_test
 from sumo_dist.tasks.task import Goal, Task
 from sumo_dist.tasks.terms import TIPPED
 

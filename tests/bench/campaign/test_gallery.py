@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -27,6 +28,17 @@ def test_a_clip_is_small_and_twice_as_fast(folder):
         low, high = clip.convert("L").getextrema()
     assert shown_s == pytest.approx(0.4 / gallery.FASTER, abs=4 * TICK)
     assert high - low > 100  # neither black nor empty
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_clip_that_is_too_large_loses_pictures(count, tmp_path, monkeypatch):
+    """Noise is of about the same size at any quality; a single picture stays as it is."""
+    monkeypatch.setattr(gallery, "_MOST_BYTES", 8_000)
+    rng = np.random.default_rng(0)
+    noise = [Image.fromarray(rng.integers(0, 255, (120, 120, 3), np.uint8)) for _ in range(count)]
+    gallery.write(tmp_path / "a.webp", noise, [40] * count)
+    with Image.open(tmp_path / "a.webp") as clip:
+        assert clip.n_frames < max(count, 2)
 
 
 def test_a_page_and_its_rows_say_how_it_went(folder):

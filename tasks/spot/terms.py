@@ -1,4 +1,4 @@
-"""What Spot's demonstrations share: frames, terms of grasping and letting go, measures.
+"""What Spot's tasks of grasping and letting go share: terms, tests, and the family of deliveries.
 
 The costs as printed draw the robot to a thing for good: one that stands is held, and no test on its
 speed is ever passed. So a term that draws is off once the thing is done (`until`), and what is left
@@ -16,13 +16,12 @@ from sumo_dist.tasks import terms
 from sumo_dist.tasks.spot.families import (
     SUCCESS_RADIUS,
     SUCCESS_SPEED,
-    SUCCESS_SPIN,
     SUCCESS_TILT,
     WORKSPACE,
     Standing,
 )
 from sumo_dist.tasks.success import AllBelow, Measure
-from sumo_dist.tasks.terms import Predicate, Residual
+from sumo_dist.tasks.terms import TIPPED, Predicate, Residual
 
 HOLD = 0.5  # how long a thing must be as it should, since it may pass through [s]
 JAW = "arm_f1x"  # the gripper's joint, 0 closed and -1.54 open [rad]
@@ -36,8 +35,6 @@ EMPTY_WEIGHT = 200.0  # of the share of the rollout; the paper's 1000 for any of
 FRAMES = {
     "gripper": FrameRef("site", "site_arm_link_fngr"),
     "wrist": FrameRef("site", "site_arm_link_wr1"),
-    "left_foot": FrameRef("site", "site_front_left"),
-    "right_foot": FrameRef("site", "site_front_right"),
 }
 # Below the paper's 0.35 m a robot sprawls, and hardly gets up again: by the share of the rollout,
 # so that getting up pays. A fall weighs what the released code's tire tasks have: at the paper's
@@ -103,9 +100,14 @@ def lying(sharpness: float) -> Residual:
     return lambda r: 1.0 - np.exp(sharpness * (r.object.z[..., 2] - 1.0))
 
 
-def stands(standing: Standing, tilt: float = SUCCESS_TILT) -> Predicate:
-    """Whether the object is within a tilt [rad] of upright."""
-    return lambda r: standing.off(r) < standing.at(tilt)
+def stands(standing: Standing) -> Predicate:
+    """Whether the object is as near to upright as success asks for."""
+    return lambda r: standing.tilt(r) < r.p.success_tilt
+
+
+def not_fallen(standing: Standing) -> Predicate:
+    """Whether the object leans so little that it could come back by itself."""
+    return lambda r: standing.tilt(r) < TIPPED
 
 
 def at_goal(r: View) -> np.ndarray:
@@ -132,31 +134,16 @@ def empty(r: View) -> np.ndarray:
     return (jaw.pos > -SHUT) & (jaw.target > GRIPPER_CLOSED - SHUT)
 
 
-def grasp_terms(done: Predicate | None = None) -> tuple[CostTerm, CostTerm]:
+def grasp_terms(done: Predicate) -> tuple[CostTerm, CostTerm]:
     """Build the terms of a grasp that is firm, and of one that closed on nothing (paper).
 
     Args:
-        done: a grasp is worth nothing any more once this holds; None: it always is.
+        done: a grasp is worth nothing any more once this holds.
     """
-    firm = obstruction if done is None else until(done, obstruction)
     return (
-        CostTerm("grasp", firm, GRASP_WEIGHT),
+        CostTerm("grasp", until(done, obstruction), GRASP_WEIGHT),
         CostTerm("empty", empty, EMPTY_WEIGHT, "share"),
     )
-
-
-def upright_test(standing: Standing) -> AllBelow:
-    """Return the test of an upright object at rest, the paper's of its analysis tasks."""
-    return AllBelow(
-        Measure("object's tilt", standing.tilt, "success_tilt"),
-        Measure("object's spin", terms.spin("object"), "success_spin"),
-    )
-
-
-UPRIGHT = (
-    Parameter("success_tilt", SUCCESS_TILT, "rad", (0.0, np.pi / 4)),
-    Parameter("success_spin", SUCCESS_SPIN, "rad/s", (0.0, 1.0)),
-)
 
 
 def delivery_test(standing: Standing) -> AllBelow:
