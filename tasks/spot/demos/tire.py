@@ -88,21 +88,18 @@ def standoff(r: View) -> np.ndarray:
     return offset(r, "base", at[..., 0], at[..., 1], STAND_HEIGHT)
 
 
-def tire_upright(legs: bool = False) -> Task:
+def tire_upright() -> Task:
     """Spot sets a tire upright that lies on its side.
 
     Cost: the paper's terms with the released code's weights, without the release's two penalties on
-    the gripper, which forbid the motion that works: hooking the tread from outside, low. It has
-    base, arm and torso; the paper has the front legs, too (docs/decisions/0025).
-
-    Args:
-        legs: let it use a front leg, too.
+    the gripper, which forbid the motion that works: hooking the tread from outside, low. It may
+    pitch and lower its torso, too, which the paper has not.
     """
     up = stands(AXLE_LEVEL)
     return Task(
         name="spot/demo_tire_upright",
         scene=Scene(SPOT, (SceneObject("tire", TIRE),)),
-        actions=spot_actions(torso=True, legs=legs),
+        actions=spot_actions(torso=True, legs=True),
         frames={**FRAMES, **FEET, "object": FrameRef("body", "tire")},
         cost=(
             CostTerm("tilt", lambda r: np.exp(AXLE_LEVEL.off(r)), 200.0),
