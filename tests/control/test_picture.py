@@ -174,6 +174,7 @@ def test_events_are_numbered_and_bounded(picture):
     assert events[-1]["text"] == "refused to x: no such term"
 
 
+@pytest.mark.alone
 def test_the_speed_is_not_that_of_a_burst(picture):
     began = time.monotonic()
     for tick in range(50):

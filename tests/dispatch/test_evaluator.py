@@ -170,6 +170,7 @@ def test_gives_the_shards_of_a_silent_worker_to_another(party, monkeypatch):
     assert len(good.asked) >= 2
 
 
+@pytest.mark.alone
 def test_gives_the_shards_of_a_worker_that_leaves_to_another_at_once(party):
     leaving = party.join("leaving", silent)
     party.join("good")
@@ -251,6 +252,7 @@ def test_hundreds_of_tokens_whose_owners_are_silent_cost_nothing(party, deadline
     assert set(party.workers.asked()) == {worker.name for worker in good}
 
 
+@pytest.mark.alone
 def test_leaves_out_what_is_late(party):
     party.join("mute", silent)
     party.join("good")
@@ -263,6 +265,7 @@ def test_leaves_out_what_is_late(party):
     assert np.array_equal(evaluation.terms[~lost, 0], EXPECTED[~lost])
 
 
+@pytest.mark.alone
 def test_without_workers_a_deadline_holds_too(party):
     began = time.monotonic()
     evaluation = party.evaluate(deadline_s=0.2)
@@ -410,6 +413,7 @@ def test_a_worker_that_is_often_late_counts_for_less(party):
     assert party.rows_per_ms() == pytest.approx(0.8 * speed, rel=0.1)
 
 
+@pytest.mark.alone
 def test_a_worker_behind_a_slow_link_gets_what_is_back_when_the_others_are_ready(party):
     def later(asked):
         threading.Timer(0.15, far.bus.publish, [answer(asked)]).start()

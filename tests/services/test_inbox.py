@@ -65,6 +65,7 @@ def test_a_request_whose_time_is_up_is_not_answered(inbox, asked):
     assert starts(inbox) == [("run", 3, 4)]
 
 
+@pytest.mark.alone
 def test_waits_for_a_request_no_longer_than_told(inbox):
     began = time.monotonic()
     assert inbox.get(timeout=0.1) is None

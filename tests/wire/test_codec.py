@@ -379,6 +379,7 @@ def test_a_command_travels_whole():
     assert (command.name, command.value) == ("goal", "80")
 
 
+@pytest.mark.alone
 def test_a_request_costs_microseconds():
     payload = encode(REQUEST)
     encoding = min(timeit.repeat(lambda: encode(REQUEST), number=20, repeat=20)) / 20
