@@ -107,7 +107,7 @@ class Picture:
             return
         with self._lock:
             if self._run == info.run:
-                self.offer, self._floor = made, floor
+                self.offer, self._floor = {**made, "run": info.run}, floor
 
     def _take(self, message: Message) -> None:
         now = time.monotonic()

@@ -59,6 +59,7 @@ def question(tick=5, clock="realtime", speed=0.5, run="r"):
 def test_the_offer_says_what_may_be_changed_and_is_json(picture):
     offer = json.loads(json.dumps(picture.offer))
     assert (offer["task"], offer["seed"], offer["robot"]) == ("spot/move_box", 3, "spot")
+    assert offer["run"] == picture.snapshot()["run"]
     assert (
         offer["terms"] == [range_["name"] for range_ in offer["weights"]] == list(TASK.table.terms)
     )

@@ -1,6 +1,7 @@
 // Menus and sliders, made from what the task and the planner declare.
 
 import { newest } from "./line.js";
+import { put } from "./put.js";
 
 const STEPS = 1000; // of a slider
 
@@ -83,8 +84,8 @@ export class Slider {
   }
 
   #put(value) {
-    this.number.value = digits(value);
-    this.slide.value = place(this.#range, value);
+    put(this.number, { value: digits(value) });
+    put(this.slide, { value: String(place(this.#range, value)) });
     this.element.classList.toggle("changed", Math.abs(value - this.#range.default) > 1e-9 * Math.abs(value));
   }
 
@@ -116,7 +117,7 @@ export class Menu {
 
   show(value) {
     this.#taken = String(value);
-    if (document.activeElement !== this.select) this.select.value = this.#taken;
+    if (document.activeElement !== this.select) put(this.select, { value: this.#taken });
   }
 }
 

@@ -7,7 +7,7 @@ const COLORS = { robot: "#f2c14b", thing: "#6cb6ff", fixed: "#566074" };
 
 export class Floor {
   #canvas; #fixed = []; #frames = []; #trails = []; #floor = null; #goals = []; #box = null;
-  #dragged = null; #move;
+  #dragged = null; #move; #drawn = "";
 
   // move: (name, x, y) is told where a place is dragged to
   constructor(canvas, move) {
@@ -21,7 +21,7 @@ export class Floor {
 
   begin(offer) {
     this.#fixed = offer.fixed; this.#frames = offer.frames;
-    this.#trails = offer.frames.map(() => []); this.#box = null;
+    this.#trails = offer.frames.map(() => []); this.#box = null; this.#drawn = "";
   }
 
   // goals: [{name, x, y}]
@@ -34,7 +34,9 @@ export class Floor {
       if (Math.hypot(x - lastX, y - lastY) > 0.01) trail.push([x, y]);
       if (trail.length > TRAIL) trail.shift();
     });
-    this.#draw();
+    const { clientWidth, clientHeight } = this.#canvas;
+    const seen = JSON.stringify([this.#floor, this.#goals, clientWidth, clientHeight]);
+    if (seen !== this.#drawn) { this.#draw(); this.#drawn = seen; }
   }
 
   get hint() {

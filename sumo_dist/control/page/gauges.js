@@ -1,6 +1,7 @@
 // What is shown and not touched: the header's numbers, cost bars, workers and events.
 
 import { digits } from "./controls.js";
+import { put } from "./put.js";
 
 const MODES = {
   running: "good", paused: "warn", waiting: "warn", stopping: "bad", stopped: "bad", rising: "warn",
@@ -40,12 +41,10 @@ export class Header {
   show(picture, offer) {
     for (const [field, read] of this.fields) {
       const [text, level = ""] = read(picture, offer);
-      field.textContent = text;
-      field.className = level;
+      put(field, { textContent: String(text), className: level });
     }
-    const mode = document.getElementById("mode");
-    mode.textContent = picture.end?.last ? "ended" : picture.robot.mode;
-    mode.className = `badge ${MODES[mode.textContent] ?? ""}`;
+    const mode = picture.end?.last ? "ended" : picture.robot.mode;
+    put(document.getElementById("mode"), { textContent: mode, className: `badge ${MODES[mode] ?? ""}` });
   }
 }
 
@@ -70,12 +69,12 @@ export class Bars {
     this.#high = Math.max(now, 0.98 * this.#high); // bars do not jump when the largest shrinks
     plan.terms.forEach((value, i) => {
       const [, bar, text] = this.#rows[i].children;
-      bar.style.width = `${(100 * Math.abs(value)) / this.#high}%`;
-      bar.className = value < 0 ? "negative" : "";
-      text.textContent = digits(value);
+      put(bar.style, { width: `${Math.round((100 * Math.abs(value)) / this.#high)}%` });
+      put(bar, { className: value < 0 ? "negative" : "" });
+      put(text, { textContent: digits(value) });
     });
-    document.getElementById("cost-total").textContent =
-      `${digits(plan.cost)} unperturbed, ${plan.best == null ? "none finite" : `${digits(plan.best)} the best`}`;
+    const best = plan.best == null ? "none finite" : `${digits(plan.best)} the best`;
+    put(document.getElementById("cost-total"), { textContent: `${digits(plan.cost)} unperturbed, ${best}` });
   }
 }
 
@@ -86,8 +85,8 @@ export class Fleet {
   constructor(drain) { this.#drain = drain; }
 
   show(workers, events) {
-    document.getElementById("workers-count").textContent =
-      workers.length ? `${workers.filter((w) => w.alive).length}` : "none";
+    const alive = workers.length ? `${workers.filter((w) => w.alive).length}` : "none";
+    put(document.getElementById("workers-count"), { textContent: alive });
     const names = new Set(workers.map((worker) => worker.name));
     for (const [name, row] of this.#rows) if (!names.has(name)) { row.remove(); this.#rows.delete(name); }
     for (const worker of workers) this.#showWorker(worker);
@@ -107,9 +106,9 @@ export class Fleet {
     }
     const well = worker.alive && (worker.state === "answers" || worker.state === "not asked");
     const texts = [worker.name, worker.host, digits(worker.per_s), worker.lost, worker.alive ? worker.state : "gone"];
-    texts.forEach((text, i) => { row.cells[i].textContent = text; });
-    row.cells[3].className = worker.lost ? "warn" : "";
-    row.cells[4].className = well ? "" : "bad";
+    texts.forEach((text, i) => put(row.cells[i], { textContent: String(text) }));
+    put(row.cells[3], { className: worker.lost ? "warn" : "" });
+    put(row.cells[4], { className: well ? "" : "bad" });
   }
 
   #showEvents(events) {

@@ -4,6 +4,7 @@ import { Menu, Pending, Slider, digits, fill } from "./controls.js";
 import { Floor } from "./floor.js";
 import { Bars, Fleet, Header } from "./gauges.js";
 import { Line, newest } from "./line.js";
+import { put } from "./put.js";
 
 const DRAG_MS = 150; // between two places of a goal that is being dragged
 const VIEW_MS = 10_000; // as GAP_S of rerun_proxy.py: a tracer that is gone for less may be held up; to load Rerun again takes longer
@@ -88,15 +89,15 @@ function valuesOf(name) {
 function show() {
   header.show(picture, offer);
   fleet.show(picture.workers, picture.events);
-  by("pause").textContent = picture.robot.mode === "paused" ? "Play" : "Pause";
-  by("step").disabled = picture.robot.mode !== "paused";
-  by("stand").disabled = picture.robot.mode !== "stopped";
+  put(by("pause"), { textContent: picture.robot.mode === "paused" ? "Play" : "Pause" });
+  put(by("step"), { disabled: picture.robot.mode !== "paused" });
+  put(by("stand"), { disabled: picture.robot.mode !== "stopped" });
   showView();
   showBanner();
-  if (offer === null) return;
+  if (offer?.run !== picture.run) return; // of a new episode the plans may come before the offer
   bars.show(picture.plan);
   floor.show(picture.floor, offer.places.map((name) => { const [x, y] = valuesOf(name); return { name, x, y }; }));
-  by("floor-hint").textContent = floor.hint;
+  put(by("floor-hint"), { textContent: floor.hint });
   if (picture.numbers) showNumbers(picture.numbers);
 }
 
@@ -116,8 +117,8 @@ function showView() {
   if (picture.view) { viewed = performance.now(); tracer = picture.view; }
   const wanted = by("scene").checked, shown = wanted && performance.now() - viewed < VIEW_MS;
   document.body.classList.toggle("flat", !wanted);
-  note.textContent = wanted ? "No tracer on this machine shows this run in 3D." : "The 3D view is off.";
-  note.hidden = shown;
+  const missing = wanted ? "No tracer on this machine shows this run in 3D." : "The 3D view is off.";
+  put(note, { textContent: missing, hidden: shown });
   if (shown === !frame.hidden && !another) return;
   frame.hidden = !shown;
   if (!shown) { frame.removeAttribute("src"); return; }
@@ -151,9 +152,7 @@ function banner() {
 
 function showBanner() {
   const [text, level] = picture || lost ? banner() : ["", ""];
-  by("banner").hidden = text === "";
-  by("banner").textContent = text;
-  by("banner").className = level;
+  put(by("banner"), { hidden: text === "", textContent: text, className: level });
   document.body.classList.toggle("stale", lost);
 }
 
