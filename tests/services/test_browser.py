@@ -66,6 +66,11 @@ class Page:
     def number(self, label):
         return float(self.tab.get_by_label(label, exact=True).input_value())
 
+    def refused(self):
+        """Why numbers that were set were refused."""
+        sliders = "[...document.querySelectorAll('.slider.refused')]"
+        return self.tab.evaluate(f"{sliders}.map((slider) => slider.title)")
+
     def set(self, label, value):
         field = self.tab.get_by_label(label, exact=True)
         field.fill(str(value))
@@ -150,7 +155,7 @@ def step_until(page, script):
     """Step until a condition holds: a step may end before what was set has come to the robot."""
     deadline = time.monotonic() + PATIENCE_MS / 1e3
     while not page.tab.evaluate(script):
-        assert time.monotonic() < deadline, script
+        assert time.monotonic() < deadline, (script, page.text("#gauges"), page.refused())
         step(page)
         page.tab.wait_for_timeout(2000)
 
