@@ -27,8 +27,8 @@ from sumo_dist.wire.keys import WORKER
 from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage
 from sumo_dist.wire.notices import Ack, CommandMessage, Event
 
-# With the usual noise, knots a tenth of a second apart throw the arm as fast as the guard allows, and
-# a run in realtime may end by its fault.
+# With the usual noise, knots a tenth of a second apart throw the arm as fast as the guard allows,
+# and a run in realtime may end by its fault.
 QUICK = PlannerConfig(rollouts=10, horizon=0.4, variance_last=0.02, base_noise=1.0)
 
 
