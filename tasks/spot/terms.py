@@ -1,4 +1,4 @@
-"""What Spot's tasks of grasping and letting go share: terms, tests, and the family of deliveries.
+"""What Spot's tasks of grasping and letting go share: frames, terms, and the test of a delivery.
 
 The costs as printed draw the robot to a thing for good: one that stands is held, and no test on its
 speed is ever passed. So a term that draws is off once the thing is done (`until`), and what is left

@@ -27,20 +27,15 @@ from sumo_dist.wire.keys import WORKER
 from sumo_dist.wire.messages import EpisodeEnd, EpisodeInfo, PlanMessage
 from sumo_dist.wire.notices import Ack, CommandMessage, Event
 
-# With the usual noise, knots a tenth of a second apart throw the arm as fast as the guard allows,
-# and a run in realtime may end by its fault.
-QUICK = PlannerConfig(rollouts=10, horizon=0.4, variance_last=0.02, base_noise=1.0)
+# Noise so low that the robot stands, and its run goes on, for as long as a test needs it: with the
+# usual noise, knots a tenth of a second apart throw the arm as fast as the guard allows, and a run
+# in realtime may end by its fault.
+QUICK = PlannerConfig(rollouts=10, horizon=0.4, variance_first=0.01, variance_last=0.01)
 
 
 @pytest.fixture(scope="session")
 def config():
     return QUICK
-
-
-@pytest.fixture(scope="session")
-def calm():
-    """Noise so low that the robot stands, and its run goes on, for as long as a test needs it."""
-    return replace(QUICK, variance_first=0.01, variance_last=0.01)
 
 
 @pytest.fixture(scope="session")

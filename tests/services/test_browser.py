@@ -97,13 +97,13 @@ def served(endpoint, port):
         assert not thread.is_alive()
 
 
-def test_a_live_run_is_driven_from_the_browser(browser, run_system, calm, free_endpoint):
+def test_a_live_run_is_driven_from_the_browser(browser, run_system, free_endpoint):
     """Everything that an operator does, in one run; two tabs, a reload, and a service that goes.
 
     Robot time passes only where a plan is needed: however slow the browser is, no episode ends
     while the page is worked.
     """
-    system = run_system(workers=1, planner=calm, time_limit=3600.0, stay=True)
+    system = run_system(workers=1, time_limit=3600.0, stay=True)
     assert system.command("pause").refusal == ""
     questions = system.bus.newest(Question)
     port = free_endpoint().rpartition(":")[2]
@@ -112,6 +112,7 @@ def test_a_live_run_is_driven_from_the_browser(browser, run_system, calm, free_e
         second = Page(browser, f"http://127.0.0.1:{port}/")
         first.mode("paused")
         hold_and_release(first, second)
+        rest(first)
         steer_numbers(first, second, questions)
         drag_the_goal(first, questions)
         switch(first, second, system)
@@ -144,6 +145,19 @@ def hold_and_release(page, other):
         page.tab.keyboard.press("p")
         page.mode(mode)
         other.mode(mode)
+
+
+def rest(page):
+    """Of a paused run nothing is written, though pictures come: it would all be drawn anew."""
+    count = """seconds => new Promise((resolve) => {
+        let writes = 0;
+        const watch = { subtree: true, childList: true, attributes: true, characterData: true };
+        new MutationObserver((all) => { writes += all.length; }).observe(document.body, watch);
+        setTimeout(() => resolve(writes), 1000 * seconds);
+    })"""
+    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    while writes := page.tab.evaluate(count, 1):  # rates run out
+        assert time.monotonic() < deadline, f"{writes} writes a second"
 
 
 def step(page):
@@ -240,9 +254,9 @@ def set_between_episodes(page, system, questions):
     assert (settings["optimizer"], settings["rollouts"]) == ("cem", 7)
 
 
-def test_reruns_view_is_within_the_page(browser, run_system, calm, free_endpoint, tmp_path):
+def test_reruns_view_is_within_the_page(browser, run_system, free_endpoint, tmp_path):
     """Its page and its data come under the page's own address."""
-    system = run_system(workers=1, planner=calm, time_limit=3600.0)
+    system = run_system(workers=1, time_limit=3600.0)
     assert system.command("pause").refusal == ""  # a tracer ends with the run
     tracer = serve.Tracer(
         connect=system.endpoint, robot="spot", viewer=EMBEDDED, out=tmp_path / "view"

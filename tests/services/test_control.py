@@ -93,10 +93,10 @@ def seat(endpoint, caplog, **changes):
 
 
 def test_an_episode_is_steered_and_repeats_and_the_next_one_is_offered(
-    robot_starts, calm, caplog, assert_repeats
+    robot_starts, caplog, assert_repeats
 ):
     """Pause, step, a weight, a goal, an optimizer, a drained worker, another task, a stop."""
-    system = robot_starts(planner=calm, time_limit=3600.0, stay=True)
+    system = robot_starts(time_limit=3600.0, stay=True)
     system.after_plan(1)
     with seat(system.endpoint, caplog) as page:
         assert page.give("pause") == ""
@@ -137,8 +137,8 @@ def test_an_episode_is_steered_and_repeats_and_the_next_one_is_offered(
     assert system.processes["local-1"].wait(10) == 0
 
 
-def test_it_only_shows_when_told_so_and_outlives_the_robot(robot_starts, calm, caplog):
-    system = robot_starts(planner=calm, time_limit=3600.0)
+def test_it_only_shows_when_told_so_and_outlives_the_robot(robot_starts, caplog):
+    system = robot_starts(time_limit=3600.0)
     with seat(system.endpoint, caplog, watch=True) as page:
         page.until(lambda p: p["plan"])
         assert page.give("stop") == "this page only shows the run"

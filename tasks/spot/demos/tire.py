@@ -16,6 +16,7 @@ from sumo_dist.tasks.spot.families import (
     LEFT,
     SUCCESS_SPEED,
     UPRIGHT,
+    WORKSPACE,
     upright_test,
 )
 from sumo_dist.tasks.spot.terms import (
@@ -240,7 +241,7 @@ def tire_stack() -> Task:
             Measure("gripper too near", too_near, "success_nearness"),
         ),
         success_hold=HOLD,
-        failure={"left the workspace": terms.outside(8.0, "top", "base")},
+        failure={"left the workspace": terms.outside(WORKSPACE, "top", "base")},
         trails=("gripper", "top"),
         description="Spot lays a 15 kg tire, which stands, upon one that lies",
     )
