@@ -37,7 +37,7 @@ from sumo_dist.rollout import engine_identity
 from sumo_dist.rollout.base import HUGE
 from sumo_dist.rollout.interface import Engine
 from sumo_dist.tasks import load_task
-from sumo_dist.timing import PLAN_PERIOD, TICK, anchor_tick, plan_due
+from sumo_dist.timing import TICK, anchor_tick, plan_due
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.events import Tell, teller
@@ -207,11 +207,12 @@ class OptimizerServer:
             return
         if self._problem is None:
             return  # of an episode that cannot be taken up
-        self._check(self._problem, question)
-        planner = self._turn_to(PlannerConfig.from_settings(question.settings))
+        settings = PlannerConfig.from_settings(question.settings)
+        self._check(self._problem, question, settings.rate)
+        planner = self._turn_to(settings)
         if question.clock == "realtime":
             self._way.heard(question.heard, question.held_ms * 1e-3, arrived)
-            number = self._target(question, arrived)
+            number = self._target(question, arrived, settings.rate)
             if number is not None:
                 self._plan_realtime(planner, question, number, arrived)
         elif self._is_repeated(question):
@@ -220,7 +221,7 @@ class OptimizerServer:
         elif question.number >= 0:
             self._plan_lockstep(planner, question)
 
-    def _check(self, problem: Problem, question: Question) -> None:
+    def _check(self, problem: Problem, question: Question, rate: int) -> None:
         """Refuse what every worker would refuse: all of them would be left out for it."""
         state, memory = question.state, question.memory
         sizes = len(state), len(memory)
@@ -231,7 +232,7 @@ class OptimizerServer:
         if not all(np.all(np.abs(numbers) <= HUGE) for numbers in (state, memory)):
             raise SumoError(f"state or memory is beyond {HUGE:g}")
         followed, actions = question.followed, problem.task.actions
-        if followed is not None and (wrong := unfollowable(followed, actions)):
+        if followed is not None and (wrong := unfollowable(followed, actions, rate)):
             raise SumoError(f"the followed plan is none of this robot: {wrong}")
 
     def _is_repeated(self, question: Question) -> bool:
@@ -279,9 +280,10 @@ class OptimizerServer:
         self, planner: Planner, question: Question, number: int, arrived: float
     ) -> None:
         began, now = time.perf_counter(), time.monotonic()
-        period, paces = PLAN_PERIOD / question.speed, self._evaluator.workers.asked().values()
+        config, paces = planner.config, self._evaluator.workers.asked().values()
+        period = config.period / question.speed
         budget = periods(paces, period * 1e3, SEND_MARGIN * 1e3) * period - SEND_MARGIN
-        tick, start, memory = anchor_tick(number), question.state, question.memory
+        tick, start, memory = anchor_tick(number, config.rate), question.state, question.memory
         plans = self._followed(question)
         if plans:
             assert self._problem is not None, "handle() has seen to it"
@@ -291,7 +293,7 @@ class OptimizerServer:
             )
         previous = plans[-1] if plans else None
         request = PlanRequest(number, tick, start, memory, previous, self._cost(question))
-        rollouts = self._fitted(planner.config, paces, budget)
+        rollouts = self._fitted(config, paces, budget)
         made = self._make(planner, request, began, rollouts, now + budget)
         took = made.plan_ms * 1e-3
         new = (
@@ -314,7 +316,7 @@ class OptimizerServer:
         ]
         return sent if followed is None else [followed, *sent]
 
-    def _target(self, question: Question, arrived: float) -> int | None:
+    def _target(self, question: Question, arrived: float, rate: int) -> int | None:
         """Number of the plan to make from a realtime question, None if it is not time for one.
 
         It is the first one that is due when the robot will have it.
@@ -325,10 +327,10 @@ class OptimizerServer:
         if self._options.compensate:
             waits = time.monotonic() - arrived + self._delay_s + self._way.seconds
             tick += round(waits * question.speed / TICK)
-        number = plan_due(tick)
+        number = plan_due(tick, rate)
         while number is None and self._options.compensate:
             tick += 1
-            number = plan_due(tick)
+            number = plan_due(tick, rate)
         last = -1
         if self._last is not None and self._last_clock == "realtime":
             last = self._last.plan.number

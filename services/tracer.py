@@ -22,7 +22,6 @@ from sumo_dist.record.folders import by_hand, episode_folder
 from sumo_dist.services.backlog import Backlog, Presence
 from sumo_dist.services.candidates import Candidates
 from sumo_dist.tasks import load_task
-from sumo_dist.timing import PLAN_PERIOD
 from sumo_dist.wire.bus import SHOUT, Bus
 from sumo_dist.wire.connection import Connection
 from sumo_dist.wire.keys import ANY, INSECURE, ROUTER, WORKER, Member, unique_name, view_token
@@ -122,7 +121,7 @@ class Tracer:
         self._tick = -1
         self._over = False
         self._plan = -1
-        self._budget_ms = PLAN_PERIOD * 1e3
+        self._speed = 1.0  # robot time per wall time for which plans are asked
 
     def show(self, item: Message | Presence) -> None:
         """Show one message; one that cannot be shown is left out and the first of them told."""
@@ -172,11 +171,11 @@ class Tracer:
                 self._questions.append(item)
                 self._follow_settings(logger, item)
                 realtime = item.clock == "realtime" and item.speed > 0
-                self._budget_ms = PLAN_PERIOD * 1e3 / (item.speed if realtime else 1.0)
+                self._speed = item.speed if realtime else 1.0
                 self._show_future(logger)
             case PlanMessage() if item.plan.number != self._plan:  # in lockstep, some come twice
                 self._plan = item.plan.number
-                logger.log_plan(item.report, self._budget_ms)
+                logger.log_plan(item.report, self._speed)
                 self._candidates.add_plan(item.report)
                 self._show_candidates(logger)
                 self._awaiting = item.report

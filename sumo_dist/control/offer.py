@@ -6,11 +6,10 @@ from typing import Any
 
 from sumo_dist.control.floor import FloorPlan
 from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.planner.config import FIXED
 from sumo_dist.planner.ranges import Range, parameter_ranges, setting_ranges, weight_ranges
 from sumo_dist.tasks import task_names
 from sumo_dist.tasks.task import Task
-
-FIXED = ("nodes",)  # of an episode, see `PlannerConfig.steered`
 
 
 def offer(config: EpisodeConfig, task: Task, floor: FloorPlan) -> dict[str, Any]:

@@ -58,6 +58,7 @@ class Picture:
         """Forget an episode."""
         self.offer: dict[str, Any] | None = None
         self._floor: FloorPlan | None = None
+        self._period_ms = PLAN_PERIOD * 1e3  # robot time between plans
         self._state: State | None = None
         self._question: Question | None = None
         self._plan: PlanMessage | None = None
@@ -108,6 +109,7 @@ class Picture:
         with self._lock:
             if self._run == info.run:
                 self.offer, self._floor = {**made, "run": info.run}, floor
+                self._period_ms = config.planner.period * 1e3
 
     def _take(self, message: Message) -> None:
         now = time.monotonic()
@@ -209,7 +211,8 @@ class Picture:
             "number": plan.plan.number,
             "ms": _rounded(plan.plan_ms),
             "own_ms": _rounded(plan.own_ms),
-            "budget_ms": _rounded(PLAN_PERIOD * 1e3 / speed) if speed > 0 else None,
+            "period_ms": _rounded(self._period_ms),
+            "budget_ms": _rounded(self._period_ms / speed) if speed > 0 else None,
             "age_ms": _rounded(plan.age_ticks * TICK * 1e3),
             "per_s": _rounded(_rate(self._plans, now)),
             "missed": self._missed,

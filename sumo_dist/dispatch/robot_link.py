@@ -194,9 +194,9 @@ class RobotLink:
         """
         with self._arrived:
             self._check_plans_come()
-            plans = [self._plans[number] for number in sorted(self._plans)]
+            episode, plans = self._episode, [self._plans[number] for number in sorted(self._plans)]
             self._plans.clear()
-        return [report for report in plans if report.plan.tick == anchor_tick(report.plan.number)]
+        return [report for report in plans if episode and _is_anchored(report, episode)]
 
     def _ask(self, publish: Callable[[], None], answer: Callable[[], T | None], what: str) -> T:
         began, again = time.monotonic(), False
@@ -274,7 +274,12 @@ class RobotLink:
             return
         with self._arrived:
             self._plans[number] = report
-            if number > self._heard[0] and report.plan.tick == anchor_tick(number):
+            if number > self._heard[0] and _is_anchored(report, episode):
                 self._heard = number, time.monotonic()
             self._arrived.notify_all()
         self._on_report(report)
+
+
+def _is_anchored(report: PlanReport, episode: Episode) -> bool:
+    """Whether a plan begins on the tick that its number says, at the episode's rate."""
+    return report.plan.tick == anchor_tick(report.plan.number, episode.controls.planner.rate)

@@ -23,7 +23,7 @@ def misfit(report: PlanReport, task: Task, planner: PlannerConfig, now: int) -> 
     Args:
         report: that came from outside.
         task: the robot's.
-        planner: the settings that plans are asked for with, of which the nodes stay as they are.
+        planner: the settings that plans are asked for with; nodes and rate stay as they are.
         now: the tick it is; a plan from far ahead would keep out all that come before it.
     """
     sizes = len(report.terms), len(report.weights), len(report.parameters)
@@ -33,11 +33,18 @@ def misfit(report: PlanReport, task: Task, planner: PlannerConfig, now: int) -> 
         return f"it has {sizes} terms, weights and parameters, the robot's task has {wanted}"
     if report.plan.knots.ndim == 2 and len(report.plan.knots) != planner.nodes:
         return f"it has {len(report.plan.knots)} nodes, {planner.nodes} were asked for"
-    return unfollowable(report.plan, task.actions, now)
+    return unfollowable(report.plan, task.actions, planner.rate, now)
 
 
-def unfollowable(plan: Plan, actions: ActionSpace, now: int | None = None) -> str:
-    """Say why a robot with these actions cannot follow a plan, "" if it can; see `misfit`."""
+def unfollowable(plan: Plan, actions: ActionSpace, rate: int, now: int | None = None) -> str:
+    """Say why a robot with these actions cannot follow a plan, "" if it can; see `misfit`.
+
+    Args:
+        plan: that came from outside.
+        actions: of the robot.
+        rate: plans per second of robot time that are asked for.
+        now: the tick it is; None where no plan is too far ahead.
+    """
     if now is not None and (ahead := (plan.tick - now) * TICK) > AHEAD_S:
         return f"it begins {ahead:.0f} s from now, at most {AHEAD_S:g}"
     width = plan.knots.shape[-1] if plan.knots.ndim == 2 else 0
@@ -45,8 +52,9 @@ def unfollowable(plan: Plan, actions: ActionSpace, now: int | None = None) -> st
         return f"its knots have {width} numbers, this robot's actions {actions.size}"
     if (most := float(np.abs(plan.knots).max())) > 1.0:
         return f"an action of {most:g}, they lie in [-1, 1]"
-    if plan.number > 0 and plan.tick not in (0, anchor_tick(plan.number)):
-        return f"it is anchored on tick {plan.tick} instead of {anchor_tick(plan.number)}"
+    anchor = anchor_tick(plan.number, rate)
+    if plan.number > 0 and plan.tick not in (0, anchor):
+        return f"it is anchored on tick {plan.tick} instead of {anchor}"
     return ""
 
 

@@ -47,7 +47,7 @@ def run_lockstep(
         if (end := controls.operate(operator, body.tick)) is not None:
             return end
         assert state is not None, "a stop ends the episode"
-        number = plan_due(body.tick)
+        number = plan_due(body.tick, controls.planner.rate)
         if number is not None:
             request = episode.request(number, body.tick, state, memory, plan)
             try:

@@ -19,7 +19,7 @@ from sumo_dist.estimate.readings import Readings
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.timing import TICK
 
 CALIBRATION_PLANS = 12
 SLIP_S = 0.1  # wall time by which a tick may be late before the clock is set back
@@ -74,13 +74,14 @@ def calibrate(episode: Episode, state: np.ndarray, link: Link) -> float:
         link: to who plans.
     """
     took, memory = [], episode.controller.initial_memory()
+    planner = episode.controls.planner
     for number in range(CALIBRATION_PLANS):
         request = episode.request(number, episode.body.tick, state, memory, None)
         began = time.monotonic()
-        link.ask_plan(request, episode.controls.planner, "calibrate")
+        link.ask_plan(request, planner, "calibrate")
         took.append(time.monotonic() - began)
     # The first plans pay for compiling the task on the workers.
-    return min(1.0, PLAN_PERIOD / float(np.percentile(took[CALIBRATION_PLANS // 3 :], 90)))
+    return min(1.0, planner.period / float(np.percentile(took[CALIBRATION_PLANS // 3 :], 90)))
 
 
 class RealtimeLoop:

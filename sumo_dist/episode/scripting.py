@@ -172,7 +172,8 @@ class MPC:
         state = state_of(self.model, state)
         self._episode.note_tick(state, self.memory)
         planned = self.plan_now is not None and self.plan_now.tick == self.tick
-        if self.plan_now is None or (plan_due(self.tick) is not None and not planned):
+        due = plan_due(self.tick, self._episode.controls.planner.rate) is not None
+        if self.plan_now is None or (due and not planned):
             self.plan(state)
         assert self.plan_now is not None, "it was made just now"
         action = self.plan_now.at(np.array([self.tick]))[0]

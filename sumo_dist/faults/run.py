@@ -66,6 +66,7 @@ class FaultRun:
         """Prepare; entering starts everything."""
         self.growth, self.near = GrowthMonitor(), _free_endpoint()
         self._script, self._folder, self._stack = script, folder, ExitStack()
+        self._rate = episode_of(script).planner.rate  # plans per second of robot time
         self._services: dict[str, Service] = {}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._occurrences: list[FaultOccurrence] = []
@@ -177,7 +178,8 @@ class FaultRun:
 
     def _on_plan(self, message: PlanMessage) -> None:
         plan = message.plan
-        if plan.tick == anchor_tick(plan.number) or self._script.clock == "lockstep":
+        anchor = anchor_tick(plan.number, self._rate)
+        if plan.tick == anchor or self._script.clock == "lockstep":
             self._newest_plan = max(self._newest_plan, plan.number)
             if not message.failed:
                 self._good_plan_at = time.monotonic()

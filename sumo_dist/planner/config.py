@@ -15,7 +15,7 @@ from sumo_dist.math.splines import Order, given
 from sumo_dist.model.scene import PLANT
 from sumo_dist.optim import Placement
 from sumo_dist.planner.settings import SETTINGS, Execute, Guidance, Model
-from sumo_dist.timing import TICK
+from sumo_dist.timing import PLAN_RATE, TICK
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class PlannerConfig:
     Attributes:
         optimizer: one of optim.OPTIMIZERS.
         horizon: [s], a whole number of policy steps.
+        rate: plans per second of robot time [Hz]; each is anchored on a policy step.
         rollouts: candidates per plan, all iterations and their unperturbed means included.
         nodes: knots per plan.
         spline: "zero", "linear", "cubic" or "smooth", a cubic that begins with a knot of a
@@ -50,6 +51,7 @@ class PlannerConfig:
 
     optimizer: str = "ps"
     horizon: float = 1.5
+    rate: int = PLAN_RATE
     rollouts: int = 16
     nodes: int = 5
     spline: Order = "smooth"
@@ -85,6 +87,11 @@ class PlannerConfig:
     def steps(self) -> int:
         """Policy steps T per rollout."""
         return round(self.horizon / TICK)
+
+    @property
+    def period(self) -> float:
+        """Robot time between plans, on average [s]."""
+        return 1 / self.rate
 
     @property
     def populations(self) -> tuple[int, ...]:
@@ -151,11 +158,12 @@ class PlannerConfig:
     def steered(self, settings: Iterable[str]) -> "PlannerConfig":
         """Apply "key=value" texts as `with_settings`, but for what cannot change in an episode.
 
-        Its recording has one number of nodes.
+        Its recording has one number of nodes, and a plan's number says on which tick it begins.
         """
         changed = self.with_settings(settings)
-        if changed.nodes != self.nodes:
-            raise UsageError("nodes are an episode's: they cannot change while it runs")
+        for name in FIXED:
+            if getattr(changed, name) != getattr(self, name):
+                raise UsageError(f"{name} cannot change while an episode runs")
         return changed
 
     @staticmethod
@@ -200,8 +208,10 @@ def _wrong_type(key: str, kind: type, value: object) -> UsageError:
     return UsageError(f"setting {key} needs a value of type {kind.__name__}, got {value!r}")
 
 
+FIXED = ("nodes", "rate")  # of an episode, see `PlannerConfig.steered`
+
 # What a setting was before there was one: runs of then still replay.
-_BEFORE = {"model": "full", "guidance": "none", "placement": "alike"}
+_BEFORE = {"model": "full", "guidance": "none", "placement": "alike", "rate": 20}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.
@@ -210,6 +220,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
         "optimizer": "cem",
         "horizon": 1.5,
+        "rate": 20,
         "rollouts": 32,
         "nodes": 4,
         "spline": "linear",

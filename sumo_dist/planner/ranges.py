@@ -13,7 +13,7 @@ from sumo_dist.costs.table import CostSettings
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.settings import SETTINGS
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import TICK
+from sumo_dist.timing import TICK, TICK_RATE
 
 FACTOR = (
     10.0  # a weight is worth trying down to this fraction of the task's, and up to the multiple
@@ -135,6 +135,7 @@ def _choice(*choices: float) -> Range:
 _SHAPES: Mapping[str, Range] = {
     "optimizer": _choice(),
     "horizon": replace(_float(0.4, 3.0, step=TICK), unit="s"),
+    "rate": _int(5, TICK_RATE),
     "rollouts": _int(4, 128, log=True),
     "nodes": _int(3, 10),  # the smooth spline's least
     "spline": _choice(),

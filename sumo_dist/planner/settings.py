@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.math.splines import Order
 from sumo_dist.optim import OPTIMIZERS, Placement
-from sumo_dist.timing import TICK
+from sumo_dist.timing import TICK, TICK_RATE
 
 Execute = Literal["mean", "best"]
 Model = Literal["lean", "full"]
@@ -64,6 +64,7 @@ SETTINGS = {
     "horizon": Setting(
         "how far a plan looks ahead [s]", f"a multiple of {TICK} s up to 20 s", _is_horizon
     ),
+    "rate": _between("plans per second of robot time [Hz]", 1, TICK_RATE),
     "rollouts": _between("candidates per plan", 1, 4096),
     "nodes": _between("spline knots per plan", 1, 100),
     "spline": _one_of("how actions run from knot to knot", get_args(Order)),

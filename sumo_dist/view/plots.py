@@ -11,14 +11,13 @@ from sumo_dist.costs.view import View
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.success import AllBelow
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.timing import TICK
 from sumo_dist.view.marks import Color, line_color
 from sumo_dist.view.outputs import Outputs
 
 SEND_TICKS = 10  # of a line are sent at a time: a chunk of one row is nearly all overhead
 BUDGETS = 4.0  # by how many budgets a plan's time is cut off, so that the budget is seen
 LEAD_TICKS = 12  # after which it is looked at how far off a plan was
-AGE_MS = 2e3 * PLAN_PERIOD  # robot time after which the next plan is late [ms]
 
 _LIMIT: Color = (150, 150, 150)
 
@@ -159,9 +158,12 @@ class PlotLog:
         asked = len(report.costs)
         self.add("rollouts", tick, [asked - report.lost, report.reissued, asked])
 
-    def add_age(self, tick: int, age_ms: float) -> None:
-        """Take the age of the plan that the robot has at a tick, in robot time."""
-        self.add("age", tick, [min(age_ms, BUDGETS * AGE_MS), AGE_MS])
+    def add_age(self, tick: int, age_ms: float, late_ms: float) -> None:
+        """Take the age of the plan that the robot has at a tick, and the one at which it is late.
+
+        Both are robot time.
+        """
+        self.add("age", tick, [min(age_ms, BUDGETS * late_ms), late_ms])
 
     def add(self, origin: str, tick: int, values: Sequence[float] | np.ndarray) -> None:
         """Take a row of a plot's lines."""

@@ -13,7 +13,7 @@ from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.tasks.task import Task
-from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.timing import TICK
 from sumo_dist.view import about
 from sumo_dist.view.about import legible
 from sumo_dist.view.ahead import AheadLog
@@ -46,6 +46,7 @@ CHUNK_TICKS = 5  # states sent at a time: a quarter of the cost of one by one
 CANDIDATE_TICKS = 5  # of robot time at least between two plans whose candidates are drawn
 VERDICT_TICKS = 10  # of robot time between two verdicts
 HEALTH_TICKS = 50  # of robot time between two numbers of the same kind
+LATE = 2.0  # periods after which the next plan is late
 
 _ELEVATION = 28.0  # of the eye, seen from its target [deg]
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -88,6 +89,7 @@ class RunLogger:
         self._trails = TrailLog(out, task)
         pairs = Forces(self._model, task.scene.robot.base).pairs
         self._shown = plots(task, distributed, pairs)
+        self._period_ms = episode.planner.period * 1e3
         self._plots = PlotLog(out, task, self._shown)
         self._foresight = Foresight(task, episode)
         self._allowance = Allowance(LIVE_SHARE if distributed else 1.0)
@@ -119,14 +121,15 @@ class RunLogger:
         self._ahead.reached(tick, view)
         self._states.reached(tick)
         if self._plan_tick is not None:
-            self._plots.add_age(tick, max(0, tick - self._plan_tick) * TICK * 1e3)
+            age_ms = max(0, tick - self._plan_tick) * TICK * 1e3
+            self._plots.add_age(tick, age_ms, LATE * self._period_ms)
         self._trails.extend(tick, view)
         if self._due("verdict", tick, VERDICT_TICKS):
             self._log_verdict(tick)
 
-    def log_plan(self, report: PlanReport, budget_ms: float = PLAN_PERIOD * 1e3) -> None:
-        """Log a plan's costs and timing at its tick; `budget_ms` is the wall time it may take."""
-        tick = report.plan.tick
+    def log_plan(self, report: PlanReport, speed: float = 1.0) -> None:
+        """Log a plan's costs and timing at its tick; `speed` is robot time per wall time."""
+        tick, budget_ms = report.plan.tick, self._period_ms / speed
         self._follow_goal(tick, report.parameters)
         self._plots.add_plan(report, budget_ms)
         self._verdict.add_plan(report, budget_ms)

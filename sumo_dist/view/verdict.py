@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sumo_dist.planner.report import PlanReport
-from sumo_dist.timing import PLAN_PERIOD, TICK
+from sumo_dist.timing import TICK
 
 RECENT_PLANS = 40  # that are judged; two seconds of robot time
 LATE_SHARE = 0.1  # of recent plans over their budget, from which a run is late
@@ -88,8 +88,8 @@ class Verdict:
         if len(self._ticks) > 1:
             (began, first), (now, last) = self._ticks[0], self._ticks[-1]
             return f"runs at {(last - first) * TICK / max(now - began, _SMALL):.2f} of real time"
-        took = np.median([report.plan_ms for report, _ in self._plans]) / 1e3
-        return f"planned at {min(1.0, PLAN_PERIOD / max(took, _SMALL)):.2f} of real time"
+        took, budget = np.median([report.plan_ms for report, _ in self._plans]), self._plans[-1][1]
+        return f"planned at {min(1.0, budget / max(took, _SMALL)):.2f} of real time"
 
     def _slowest(self) -> str:
         answering = {n: w.rollouts_per_s for n, w in self._workers.items() if w.state == "answers"}

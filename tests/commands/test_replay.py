@@ -209,7 +209,7 @@ def test_another_future_is_a_run_of_its_own_beside_the_run(branched, tmp_path, c
         (["--from", "0.2", "--weight", "goal"], "weight 'goal' is not of the form name=value"),
         (["--from", "0.2", "--param", "goal=1"], "parameter 'goal' needs 2 finite numbers"),
         (["--from", "0.2", "--set", "rolouts=9"], "unknown setting 'rolouts'"),
-        (["--from", "0.2", "--set", "nodes=9"], "nodes are an episode's: they cannot change"),
+        (["--from", "0.2", "--set", "nodes=9"], "nodes cannot change while an episode runs"),
         (["--from", "0.2", "--seed", "-4"], "seed must be a whole number"),
         (["--from", "0.2", "--time-limit", "0.1"], "a time limit of 0.1 s is over at 0.2 s"),
         (["--from", "0.2", "--time-limit", "0"], "time limit"),

@@ -68,7 +68,7 @@ def test_the_offer_says_what_may_be_changed_and_is_json(picture):
     settings = {range_["name"]: range_ for range_ in offer["settings"]}
     assert "ps" in settings["optimizer"]["choices"]
     assert settings["rollouts"]["kind"] == "int"
-    assert "nodes" not in settings  # an episode's
+    assert not {"nodes", "rate"} & set(settings)  # an episode's
     assert offer["places"] == ["goal"]
     assert len(offer["parameters"][0]) == 2
 
@@ -90,7 +90,7 @@ def test_states_plans_and_numbers_are_shown(picture):
     shown = json.loads(json.dumps(picture.snapshot()))
     assert shown["robot"]["tick"] == 2
     assert shown["plan"]["missed"] == 2
-    assert shown["plan"]["budget_ms"] == 100.0
+    assert (shown["plan"]["period_ms"], shown["plan"]["budget_ms"]) == (50.0, 100.0)
     assert (shown["plan"]["cost"], shown["plan"]["best"]) == (6.0, 2.0)
     assert shown["numbers"]["weights"] == COST.weights.tolist()
     assert shown["numbers"]["settings"]["rollouts"] == 4

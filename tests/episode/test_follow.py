@@ -6,7 +6,7 @@ from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.report import PlanReport
 from sumo_dist.robots.spot import spot_actions
-from sumo_dist.timing import TICK, anchor_tick
+from sumo_dist.timing import PLAN_RATE, TICK, anchor_tick
 
 ACTIONS = spot_actions()
 STAND = ACTIONS.unit(ACTIONS.default)
@@ -105,7 +105,7 @@ def test_takes_up_a_plan_after_standing(follower):
 
 def test_a_plan_that_fits_is_not_refused():
     knots = np.zeros((4, ACTIONS.size), np.float32)
-    assert unfollowable(Plan(3, anchor_tick(3), knots, 1.0, "linear"), ACTIONS) == ""
+    assert unfollowable(Plan(3, anchor_tick(3), knots, 1.0, "linear"), ACTIONS, PLAN_RATE) == ""
 
 
 @pytest.mark.parametrize(
@@ -119,14 +119,14 @@ def test_a_plan_that_fits_is_not_refused():
 )
 def test_a_plan_that_does_not_fit_the_robot_is_refused(knots, tick, reason):
     given = Plan(3, tick, knots(ACTIONS.size), 1.0, "linear")
-    assert unfollowable(given, ACTIONS) == reason
+    assert unfollowable(given, ACTIONS, PLAN_RATE) == reason
 
 
 def test_a_plan_from_far_ahead_would_keep_out_all_others():
     knots = np.zeros((4, ACTIONS.size), np.float32)
     far = Plan(1000, anchor_tick(1000), knots, 1.0, "linear")
-    assert unfollowable(far, ACTIONS, now=0) == "it begins 50 s from now, at most 2"
-    assert unfollowable(far, ACTIONS, now=2450) == ""
+    assert unfollowable(far, ACTIONS, PLAN_RATE, now=0) == "it begins 50 s from now, at most 2"
+    assert unfollowable(far, ACTIONS, PLAN_RATE, now=2450) == ""
 
 
 def report(terms=4, weights=4, parameters=4, nodes=5, number=3, width=ACTIONS.size):

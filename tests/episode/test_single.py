@@ -49,6 +49,15 @@ def test_a_guided_episode_plans_otherwise_and_repeats(quick):
     assert first.config["episode"]["planner"]["guidance"] == "object"
 
 
+@pytest.mark.parametrize("rate", [50, 7])
+def test_plans_come_at_the_planners_rate_and_a_recording_repeats_them(rate):
+    recording, _ = run(time_limit=0.3, planner=replace(QUICK, rate=rate))
+    plans = [number for number in range(15) if anchor_tick(number, rate) < 15]
+    assert list(recording.plan_numbers) == plans
+    assert list(recording.plan_ticks) == [anchor_tick(number, rate) for number in plans]
+    assert digests(repeat(recording)) == digests(recording)
+
+
 @pytest.mark.slow
 def test_two_seconds_with_default_settings():
     recording, ending = run(time_limit=2.0, planner=PlannerConfig(), threads=2)

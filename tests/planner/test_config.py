@@ -24,6 +24,8 @@ def test_defaults_look_as_far_and_search_as_wide_as_the_paper():
         ({"spline": "quintic"}, "unknown spline 'quintic'; valid: cubic, linear, smooth, zero"),
         ({"rollouts": 0}, "rollouts must be from 1 to"),
         ({"rollouts": 10**9}, "rollouts must be from 1 to"),
+        ({"rate": 0}, "rate must be from 1 to 50, got 0"),
+        ({"rate": 51}, "rate must be from 1 to 50, got 51"),
         ({"nodes": 0}, "nodes must be from 1 to"),
         ({"nodes": 10**6}, "nodes must be from 1 to"),
         ({"nodes": 2}, "a smooth spline needs at least 3 nodes, got 2"),
@@ -94,7 +96,7 @@ def test_bad_settings_say_what_is_valid(setting, message):
 def test_survives_the_wire():
     config = PlannerConfig(optimizer="mppi", horizon=0.8, rollouts=7)
     assert PlannerConfig.from_settings(asdict(config)) == config
-    since = "model", "guidance", "placement"  # settings that there were not always
+    since = "model", "guidance", "placement", "rate"  # settings that there were not always
     before = {name: value for name, value in asdict(config).items() if name not in since}
     assert PlannerConfig.from_settings(before) == replace(config, model="full")
 

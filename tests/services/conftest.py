@@ -370,8 +370,9 @@ def expected_digests():
         estimator="truth",
         task="spot/move_box",
         guidance=QUICK.guidance,
+        rate=QUICK.rate,
     ):
-        planner = replace(QUICK, optimizer=optimizer, guidance=guidance)
+        planner = replace(QUICK, optimizer=optimizer, guidance=guidance, rate=rate)
         episode = EpisodeConfig(task, 1, planner, estimator=estimator, time_limit=time_limit)
         recording, _ = run_single(episode, threads=1)
         return digests(recording)

@@ -176,7 +176,7 @@ def test_a_reset_begins_another_episode_with_its_seed(
         ("weight", "gaol", "1", "unknown cost term 'gaol'; valid: fall, goal, gripper, velocity"),
         ("weight", "goal", "nan", "weight of 'goal' must be a finite number"),
         ("parameter", "goal", "99,0", "parameter 'goal' must be from -8 to 8 m"),
-        ("planner", "nodes", "6", "nodes are an episode's: they cannot change while it runs"),
+        ("planner", "nodes", "6", "nodes cannot change while an episode runs"),
         ("planner", "rollouts", "many", "setting rollouts needs a value of type int"),
         ("task", "spot/none", "", "unknown task 'spot/none'; valid: "),
     ],

@@ -108,7 +108,7 @@ def test_an_episode_is_steered_and_repeats_and_the_next_one_is_offered(
         assert page.give("weight", "goal", "77") == ""
         assert page.give("parameter", "goal", "1.5,-0.5") == ""
         assert page.give("planner", "optimizer", "cem") == ""
-        assert page.give("planner", "nodes", "7").startswith("nodes are an episode's")
+        assert page.give("planner", "nodes", "7").startswith("nodes cannot change")
         assert page.give("weight", "nose", "1").startswith("unknown cost term 'nose'; valid:")
         assert page.give("dance") == "there is no command 'dance'"
         assert page.give("drain", "local-7").startswith("unknown worker")

@@ -31,11 +31,12 @@ def assert_same_bits(finished, expected):
     assert summary["partial_plans"] == summary["missed_deadlines"] == 0
 
 
-def test_two_workers_give_the_same_bits_with_guidance_by_the_object(
-    robot_starts, expected_digests, config
+@pytest.mark.parametrize(("change", "limit"), [({"guidance": "object"}, 1.0), ({"rate": 50}, 0.4)])
+def test_two_workers_give_the_same_bits_with_other_settings(
+    robot_starts, expected_digests, config, change, limit
 ):
-    system = robot_starts(planner=replace(config, guidance="object"), time_limit=1.0)
-    assert_same_bits(system.finish(), expected_digests(guidance="object"))
+    system = robot_starts(planner=replace(config, **change), time_limit=limit)
+    assert_same_bits(system.finish(), expected_digests(time_limit=limit, **change))
 
 
 def test_any_number_of_workers_with_threads_gives_the_same_bits(

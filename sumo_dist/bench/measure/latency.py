@@ -31,7 +31,6 @@ from sumo_dist.tasks import load_task
 from sumo_dist.terminal import say
 from sumo_dist.timing import TICK, anchor_tick, plan_due
 
-PERIOD_MS = 50  # between plans, on average
 # Planning periods by which plans are late, and whether they are made for their arrival.
 KINDS = ((0, False), *((periods, way) for periods in (1, 2, 4) for way in (False, True)))
 HEAD = ("delay [ms]", "compensation", "solved", "Wilson 95 %", "median [s]", "else")
@@ -64,10 +63,15 @@ class DelayedTrial:
     periods: int  # planning periods from a state to its plan's arrival
     compensate: bool  # plans are made for the instant of their arrival
 
+    @property
+    def delay_ms(self) -> int:
+        """Robot time by which a plan is late, on average."""
+        return round(self.periods * self.episode.planner.period * 1e3)
+
     def __str__(self) -> str:
         """Name its row."""
         compensation = "with" if self.compensate else "without"
-        return f"{self.periods * PERIOD_MS} ms, {compensation} compensation"
+        return f"{self.delay_ms} ms, {compensation} compensation"
 
 
 def main(options: Options) -> int:
@@ -120,7 +124,7 @@ class LatePlanner:
     def __init__(self, trial: DelayedTrial, episode: Episode, engine: Engine) -> None:
         """Start with no plan under way."""
         self._trial, self._episode, self._engine = trial, episode, engine
-        self._actions = episode.task.actions
+        self._actions, self._rate = episode.task.actions, trial.episode.planner.rate
         guide = make_guide(episode.problem, trial.episode.planner)
         self._planner = Planner(trial.episode.planner, self._actions, trial.episode.seed, guide)
         evaluator = Evaluator(episode.problem, engine, trial.episode.planner)
@@ -133,7 +137,7 @@ class LatePlanner:
 
     def action(self, tick: int, state: np.ndarray, memory: np.ndarray) -> np.ndarray:
         """Make the plan that is due; return the normalised action (n,) of those that are here."""
-        number = plan_due(tick)
+        number = plan_due(tick, self._rate)
         if number is not None:
             self._make(number, tick, state, memory)
         while self._under_way and self._under_way[0][0] <= tick:
@@ -142,7 +146,7 @@ class LatePlanner:
 
     def _make(self, number: int, tick: int, state: np.ndarray, memory: np.ndarray) -> None:
         """Plan from this state; with compensation, from where its arrival will find the robot."""
-        arrival = anchor_tick(number + self._trial.periods)
+        arrival = anchor_tick(number + self._trial.periods, self._rate)
         if self._trial.compensate:
             state, memory = self._forward(tick, arrival, state, memory)
             number, tick = number + self._trial.periods, arrival
@@ -169,13 +173,13 @@ def rows(ends: Sequence[tuple[DelayedTrial, str, float]]) -> list[dict[str, Any]
     """Count the successes of each delay, with and without compensation."""
     kinds: dict[tuple[int, bool], list[tuple[str, float]]] = {}
     for trial, end, seconds in ends:
-        kinds.setdefault((trial.periods, trial.compensate), []).append((end, seconds))
+        kinds.setdefault((trial.delay_ms, trial.compensate), []).append((end, seconds))
     counted = []
-    for (periods, compensate), found in sorted(kinds.items()):
+    for (delay_ms, compensate), found in sorted(kinds.items()):
         times = [seconds for end, seconds in found if end == "success"]
         counted.append(
             {
-                "delay_ms": periods * PERIOD_MS,
+                "delay_ms": delay_ms,
                 "compensation": compensate,
                 "trials": len(found),
                 "successes": len(times),
@@ -192,7 +196,7 @@ def text(result: Result) -> Iterable[str]:
     yield (
         f"{result['task']} on the {result['plant']} plant, seeds {result['seed0']} to {last}, "
         f"default settings, {result['engine']}. Every plan reaches the robot a whole number of "
-        "planning periods (40 and 60 ms in turn) after the state it was made from; with "
+        "planning periods after the state it was made from; with "
         "compensation it was made for the instant of its arrival. Median completion time of "
         "those solved."
     )

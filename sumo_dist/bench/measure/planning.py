@@ -16,9 +16,10 @@ MakePlan = Callable[[PlanRequest], PlanReport]
 
 def request(episode: Episode, snapshot: Snapshot, number: int) -> PlanRequest:
     """Ask for plan `number`, from 1 on: always from the snapshot's state, each with other noise."""
-    before = number - 1
-    previous = Plan(before, anchor_tick(before), snapshot.knots, snapshot.horizon, snapshot.spline)
-    tick = anchor_tick(number)
+    rate, before = episode.controls.planner.rate, number - 1
+    knots = snapshot.knots, snapshot.horizon, snapshot.spline
+    previous = Plan(before, anchor_tick(before, rate), *knots)
+    tick = anchor_tick(number, rate)
     return episode.request(number, tick, snapshot.state, snapshot.memory, previous)
 
 

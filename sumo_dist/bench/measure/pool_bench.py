@@ -147,7 +147,7 @@ class Bench:
         in_time: list[int] = []
         plan: Plan | None = None
         self._number += 1
-        tick, due = anchor_tick(self._number), time.monotonic()
+        tick, due = anchor_tick(self._number, settings.rate), time.monotonic()
         patience = due + ANSWER_S
         while len(in_time) < self.plans + WARM_UP:
             if time.monotonic() > patience:

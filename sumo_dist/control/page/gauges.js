@@ -8,7 +8,6 @@ const MODES = {
   gone: "bad", ended: "warn",
 };
 const BEHIND = 1.5; // plans older than this many periods are shown as late
-const PERIOD_MS = 50; // of plans in robot time
 
 const ms = (number) => (number == null ? "–" : `${number < 10 ? number.toFixed(1) : Math.round(number)} ms`);
 
@@ -20,7 +19,7 @@ const GAUGES = [
     [plan?.budget_ms ? `${ms(plan.ms)} of ${ms(plan.budget_ms)}` : ms(plan?.ms), plan?.budget_ms && plan.ms > plan.budget_ms ? "bad" : ""]],
   ["rate", "plans a second of wall time", ({ plan }) => [plan ? `${plan.per_s.toFixed(1)} /s` : "–"]],
   ["age", "robot time between a plan's state and its arrival", ({ plan }) =>
-    [ms(plan?.age_ms), plan && plan.age_ms > BEHIND * PERIOD_MS ? "warn" : ""]],
+    [ms(plan?.age_ms), plan && plan.age_ms > BEHIND * plan.period_ms ? "warn" : ""]],
   ["missed", "plans that never came in this episode", ({ plan }) => [plan ? plan.missed : "–", plan?.missed ? "warn" : ""]],
   ["rollouts", "candidates of the newest plan; lost: not answered in time", ({ plan }) =>
     [plan ? `${plan.rollouts - plan.lost}${plan.lost ? `, ${plan.lost} lost` : ""}` : "–", plan?.failed ? "bad" : plan?.lost ? "warn" : ""]],
