@@ -46,7 +46,7 @@ class _Digest:
         elif isinstance(value, np.ndarray | np.generic):
             self._write(f"{value.dtype} {value.shape}")
             self._write(np.ascontiguousarray(value).tobytes())
-        elif callable(value) and not is_dataclass(value):
+        elif isinstance(value, type) or (callable(value) and not is_dataclass(value)):
             self._add_callable(value)
         else:
             self._add_content(value)

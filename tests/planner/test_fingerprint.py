@@ -214,3 +214,12 @@ def test_a_task_has_the_same_hash_in_a_checkout_and_installed(monkeypatch):
     installed = (*fingerprinting._INSTALLED, here)
     monkeypatch.setattr(fingerprinting, "_INSTALLED", installed)
     assert Problem.build(load_task("spot/move_box"), PLANNING).hash == checkout
+
+
+def test_a_function_may_refer_to_a_dataclass_whose_fields_have_no_defaults():
+    def bounded(x):
+        return Bound(x).below(x)
+
+    assert of(bounded) == of(bounded)
+    assert of(bounded) != of(scale)
+    assert of(Bound) != of(Bound(1.0))
