@@ -18,7 +18,9 @@ from sumo_dist.tasks.g1.door import door_open
 from sumo_dist.tasks.g1.push import PUSHES
 from sumo_dist.tasks.spot.analysis import ANALYSIS
 from sumo_dist.tasks.spot.demos import DEMONSTRATIONS
+from sumo_dist.tasks.spot.end_to_end import END_TO_END
 from sumo_dist.tasks.spot.extras import EXTRAS
+from sumo_dist.tasks.spot.joints_upright import JOINTS_UPRIGHT
 from sumo_dist.tasks.task import Task
 
 GROUP = "sumo_dist.tasks"
@@ -26,7 +28,15 @@ TASK_FILES = (
     "SUMO_DIST_TASK_FILES"  # names a folder of copies, FOLDER/NAME.py for /.../FOLDER/NAME.py
 )
 _BESIDE: set[str] = set()  # names of modules that task files have imported from beside them
-_OURS = {**ANALYSIS, **DEMONSTRATIONS, **EXTRAS, **PUSHES, "g1/door_open": door_open}
+_OURS = {
+    **ANALYSIS,
+    **DEMONSTRATIONS,
+    **EXTRAS,
+    **END_TO_END,
+    **JOINTS_UPRIGHT,
+    **PUSHES,
+    "g1/door_open": door_open,
+}
 
 
 def task_names() -> tuple[str, ...]:

@@ -134,9 +134,10 @@ class Task:
         """See that the task has what the planner's settings ask of it.
 
         Raises:
-            UsageError: they ask for guidance, and it has no object with a goal, or no such base.
+            UsageError: they ask for guidance by the object, and it has none with a goal, or no
+                such base.
         """
-        if settings.guidance == "none":
+        if settings.guidance != "object":  # what a learned policy needs its contract says
             return
         why = ""
         if self.goal is None:
