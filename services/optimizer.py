@@ -24,7 +24,7 @@ from sumo_dist.dispatch.questions import QuestionSlot
 from sumo_dist.dispatch.roundtrip import RoundTrip
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.follow import unfollowable
-from sumo_dist.errors import Interrupted, SumoError, TaskError
+from sumo_dist.errors import Interrupted, PolicyError, SumoError, TaskError
 from sumo_dist.planner.compensate import roll_forward
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
@@ -96,7 +96,7 @@ def run(options: OptimizerOptions, stop: threading.Event) -> None:
                     service.handle(question, inbox.arrived)
             except Interrupted:
                 return
-            except TaskError as error:
+            except (TaskError, PolicyError) as error:
                 service.give_up(str(error))
             except SumoError as error:  # of a question that makes no sense, not of this service
                 service.refuse(str(error))
@@ -199,6 +199,7 @@ class OptimizerServer:
         Raises:
             SumoError: state, memory, plan, weights or settings are not of this robot's episode.
             TaskError: the task's own code raises.
+            PolicyError: the settings name a learned policy that this host cannot use.
         """
         if question.run != self._bus.run:
             return  # of an episode that is over

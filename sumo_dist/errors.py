@@ -22,6 +22,13 @@ class TaskError(UsageError):
     """
 
 
+class PolicyError(UsageError):
+    """The file of a learned policy is not there, is none, or was made for something else.
+
+    Before a run it is wrong usage; a run that is under way ends with it as a fault.
+    """
+
+
 class Interrupted(SumoError):
     """A service was told to stop while it waited for something."""
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow
 import pytest
 
@@ -18,6 +19,9 @@ from sumo_dist.episode.assemble import draw_start
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.learned import Contract, LearnedPolicy
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.policies.network import Layer
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
 from sumo_dist.wire import routers
@@ -172,6 +176,34 @@ def robot(request):
 @pytest.fixture(scope="session")
 def move_box():
     return load_task("spot/move_box")
+
+
+@pytest.fixture(scope="session")
+def drawn_policy():
+    """Return a function: a learned policy for a task whose weights are drawn by a seed."""
+
+    def draw(task, seed, times=(0.0,), rate=20, **origin):
+        problem = Problem.build(load_task(task), planning_options(PlannerConfig()))
+        contract = Contract.of(problem, times, rate, {"seed": seed, **origin})
+        sizes = sum(contract.inputs.values()), 8, len(times) * len(contract.actions)
+        rng = np.random.default_rng(seed)
+        weights = [
+            (rng.standard_normal(shape) / np.sqrt(shape[1])).astype(np.float32)
+            for shape in zip(sizes[1:], sizes[:-1], strict=True)
+        ]
+        biases = [rng.uniform(-0.3, 0.3, size).astype(np.float32) for size in sizes[1:]]
+        layers = zip(weights, biases, ("elu", "tanh"), strict=True)
+        return LearnedPolicy(contract, tuple(Layer(*layer) for layer in layers))
+
+    return draw
+
+
+@pytest.fixture(scope="session")
+def policy_file(drawn_policy, tmp_path_factory):
+    """Name the file of a policy for spot/move_box that has learnt nothing."""
+    path = tmp_path_factory.mktemp("policy") / "drawn.onnx"
+    drawn_policy("spot/move_box", seed=1).save(path)
+    return path
 
 
 @pytest.fixture(scope="session")

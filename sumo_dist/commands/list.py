@@ -73,6 +73,6 @@ def overview(tasks: Iterable[Task]) -> Iterator[str]:
     yield "\nplanner settings (--set NAME=VALUE; a task's own stand in brackets above):"
     yield f"  {'name':<16}{'default':>8}  what it is; what it may be"
     for name, value in asdict(PlannerConfig()).items():
-        yield f"  {name:<16}{value!s:>8}  {SETTINGS[name].about}; {SETTINGS[name].valid}"
+        yield f"  {name:<16}{str(value) or '-':>8}  {SETTINGS[name].about}; {SETTINGS[name].valid}"
     yield f"\noptimizers: {', '.join(OPTIMIZERS)}"
     yield f"engines:    {', '.join(ENGINES)}"

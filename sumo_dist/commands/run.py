@@ -17,6 +17,7 @@ from sumo_dist.episode.summary import has_summary, keep, one_line, read_summary
 from sumo_dist.errors import SumoError, UsageError, unknown
 from sumo_dist.extras import lacking
 from sumo_dist.model.scene import remarks
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import cores
 from sumo_dist.record.folders import RUNS, last_episode, run_folder
@@ -56,6 +57,9 @@ class Options:
         out: folder for summary.json, run.npz and run.rrd; by default a new one below runs/.
         settings: file of weights, parameters and planner settings, such as `sumo-dist tune` writes;
             what is said beside it wins.
+        policy_file: a learned policy, from `sumo-dist train` or `sumo-dist distil`, drives in place
+            of the planner. Its file is read where the plans are made: on this machine, and on the
+            optimizer's host at the same path. What --set says wins.
         set: planner settings as key=value; `sumo-dist list` names all.
         weight: weights of cost terms as name=number, such as goal=80; `sumo-dist list TASK`
             names all.
@@ -102,6 +106,7 @@ class Options:
     rrd: bool = False
     out: Path | None = None
     settings: Path | None = None
+    policy_file: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -127,7 +132,7 @@ class Options:
             self.seed,
             **resolved(
                 *(load_task(self.task), self.settings, self.preset, self.optimizer),
-                *(self.set, self.weight, self.param),
+                *(self.set, self.weight, self.param, self.policy_file),
             ),
             clock=self.clock,
             estimator=self.estimator,
@@ -214,11 +219,11 @@ def _default_folder(episode: EpisodeConfig) -> Path:
 def _prepare(episode: EpisodeConfig) -> None:
     """Find out here, in one line, what every service would otherwise complain about."""
     task = load_task(episode.task)
-    task.check_settings(episode.planner)
     for remark in remarks(task.scene):
         say(remark)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
+    make_guide(problem, episode.planner)
     rehearse(episode, problem)
 
 

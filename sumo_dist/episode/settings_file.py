@@ -9,6 +9,7 @@ from typing import Any, Self
 from sumo_dist.costs.table import CostSettings
 from sumo_dist.errors import UsageError, unknown
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.learned import driving
 from sumo_dist.tables import read_table
 from sumo_dist.tasks.task import Task
 
@@ -107,10 +108,12 @@ def resolved(
     changes: Sequence[str],
     weight: Sequence[str],
     param: Sequence[str],
+    policy: Path | None = None,
 ) -> dict[str, Any]:
     """Return `planner`, `weight` and `param` of an EpisodeConfig, from what a command line says.
 
-    The preset's settings come first, over them the task's, the file's, and what stands beside it.
+    The preset's settings come first, over them the task's, the file's, those under which a learned
+    policy drives, and what stands beside it.
 
     Args:
         task: what is done.
@@ -120,12 +123,15 @@ def resolved(
         changes: of the planner's settings, "key=value".
         weight: of cost terms, such as "goal=80".
         param: such as "goal=1,0".
+        policy: file of a learned policy that drives, if one does.
 
     Raises:
-        UsageError: the file or the command line says what cannot be.
+        UsageError: a file or the command line says what cannot be.
     """
+    drives = driving(policy) if policy is not None else {}
     if file is None:
-        planner = PlannerConfig.resolve(task.planner, preset, optimizer, changes)
+        stated = {**task.planner, **drives}
+        planner = PlannerConfig.resolve(stated, preset, optimizer, changes)
         return {"planner": planner, "weight": tuple(weight), "param": tuple(param)}
     found = SettingsFile.read(file)
     if found.planner and preset != DEFAULT:
@@ -137,7 +143,7 @@ def resolved(
         found.check(task)
     except UsageError as error:
         raise UsageError(f"{file}: {error}") from None
-    stated = {**task.planner, **found.planner}
+    stated = {**task.planner, **found.planner, **drives}
     return {
         "planner": PlannerConfig.resolve(stated, preset, optimizer, changes),
         "weight": _over(found.texts("weights"), weight),

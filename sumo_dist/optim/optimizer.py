@@ -11,7 +11,7 @@ class Belief:
     """A Gaussian over plans, independent per node and dimension, in normalised actions.
 
     Attributes:
-        mean: (K, n) knots.
+        mean: (K, n) knots; (B, K, n) where each of B candidates is drawn around its own.
         sigma: (K, n) standard deviations; 0 is not searched.
     """
 
@@ -57,7 +57,7 @@ def sample(
     coloring: np.ndarray,
     shares: np.ndarray,
 ) -> np.ndarray:
-    """Draw knots (B, K, n) float32, clipped to [-1, 1]; row 0 is the unperturbed mean.
+    """Draw knots (B, K, n) float32, clipped to [-1, 1]; row 0 is its unperturbed mean.
 
     Args:
         belief: what is drawn from.
@@ -66,7 +66,7 @@ def sample(
         coloring: (K, K), see `coloring`.
         shares: (B,) of the noise that each candidate has, see `noise_shares`.
     """
-    white = rng.standard_normal((rollouts, *belief.mean.shape))
+    white = rng.standard_normal((rollouts, *belief.sigma.shape))
     noise = np.einsum("kj,bjn->bkn", coloring, white)
     noise[0] = 0.0
     return np.clip(belief.mean + belief.sigma * noise * shares[:, None, None], -1.0, 1.0).astype(

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from numbers import Real
 from operator import index
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,8 +46,13 @@ class PlannerConfig:
         timestep: physics step of the planning model [s].
         fluid_density: of the planning model [kg/m^3]; 0 leaves air drag out.
         model: the planning model is "lean", see `model.departures`, or "full".
-        guidance: "object" plans for the object first, and one candidate is the walk that brings it
-            to its goal, see `planner.guidance`; "none" draws all candidates.
+        guidance: "object" plans for the object first, and proposes the walk that brings it to its
+            goal; "learned" proposes what a learned policy would do, see `planner.guidance`; "none"
+            draws all candidates.
+        policy: the learned policy's file on the optimizer's host, which is made absolute; ""
+            without such guidance.
+        guided: share of the first iteration's candidates that are proposals: one of them exact, the
+            others with noise. 0 is one, and 1 leaves out the last plan, too.
     """
 
     optimizer: str = "ps"
@@ -69,6 +75,8 @@ class PlannerConfig:
     fluid_density: float = 0.0
     model: Model = "lean"
     guidance: Guidance = "none"
+    policy: str = ""
+    guided: float = 0.0
 
     def __post_init__(self) -> None:
         for name, setting in SETTINGS.items():
@@ -82,6 +90,13 @@ class PlannerConfig:
                 f"a {self.spline} spline needs at least {given(self.spline) + 1} nodes, "
                 f"got {self.nodes}"
             )
+        if bool(self.policy) != (self.guidance == "learned"):
+            raise UsageError(
+                "guidance=learned needs policy=FILE, and nothing else has one; got "
+                f"guidance={self.guidance} with policy={self.policy or '(none)'}"
+            )
+        if self.policy:
+            object.__setattr__(self, "policy", str(Path(self.policy).absolute()))
 
     @property
     def steps(self) -> int:
@@ -211,7 +226,14 @@ def _wrong_type(key: str, kind: type, value: object) -> UsageError:
 FIXED = ("nodes", "rate")  # of an episode, see `PlannerConfig.steered`
 
 # What a setting was before there was one: runs of then still replay.
-_BEFORE = {"model": "full", "guidance": "none", "placement": "alike", "rate": 20}
+_BEFORE = {
+    "model": "full",
+    "guidance": "none",
+    "placement": "alike",
+    "rate": 20,
+    "policy": "",
+    "guided": 0.0,
+}
 
 # The paper calls its noise scale, 0.02 to 0.6, a variance, and plans with the plant's model. What
 # its search depends on is written out, so that better defaults do not change it.
@@ -237,6 +259,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "fluid_density": PLANT.fluid_density,
         "model": "full",
         "guidance": "none",
+        "policy": "",
+        "guided": 0.0,
     },
 }
 

@@ -1,42 +1,75 @@
-"""Object-first guidance: how an object should travel to its goal, and what the base does for it.
+"""What proposes candidates to the planner: a plan for the object, or a learned policy.
 
-The object is planned for alone: it goes straight to its goal. That takes a robot behind it which
-pushes along this line. The walk that does it becomes a candidate of the planner, among those that
-are drawn: the rollouts say what it is worth, so guidance changes nothing that a plan is judged by.
+A proposal is a candidate among those that are drawn: the rollouts say what it is worth, so guidance
+changes nothing that a plan is judged by.
 """
 
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from sumo_dist.math import splines
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.learned import LearnedPolicy
+from sumo_dist.planner.observation import Observer
 from sumo_dist.planner.problem import Problem
 from sumo_dist.planner.walk import Gait, Ground, walk
 from sumo_dist.timing import TICK
 
 CORNERS = np.array([*product((-1.0, 1.0), repeat=3)])  # of a box, in its half sizes
 
-Guide = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(state (nq + nv,), parameters (n,)) -> knots (F, 3) of the base from the start on, normalised."""
+Guide = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""(state (nq + nv,), parameters (p,), mean (F, n)) -> knots (F, n) from the start on, normalised.
+
+The mean is that of the candidates that are drawn: the last plan, shifted.
+"""
 
 
 def make_guide(problem: Problem, config: PlannerConfig) -> Guide | None:
-    """Return what proposes a candidate under some settings; None if they ask for none.
+    """Return what proposes candidates under some settings; None if they ask for none.
 
     Raises:
         UsageError: the task cannot be planned with this guidance.
     """
     problem.task.check_settings(config)
+    if config.guidance == "learned":
+        return LearnedGuide(problem, config)
     return ObjectFirst(problem, config) if config.guidance == "object" else None
+
+
+class LearnedGuide:
+    """Proposes what a learned policy does in a state."""
+
+    def __init__(self, problem: Problem, config: PlannerConfig) -> None:
+        """Load the policy.
+
+        Raises:
+            PolicyError: there is no such file, or it is for another kind of task.
+        """
+        self._policy = LearnedPolicy.load(Path(config.policy))
+        self._policy.contract.check(problem)
+        self._observe = Observer(problem.task, problem.model)
+        times = splines.knot_times(config.spline, config.nodes, config.horizon)
+        self._times = times[times >= 0.0]
+
+    def __call__(self, state: np.ndarray, parameters: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """Knots (F, n) on the lines between the policy's; before and after these it holds them."""
+        del mean
+        (knots,) = self._policy(self._observe(state[None], parameters))
+        times = self._policy.contract.times
+        return np.stack([np.interp(self._times, times, column) for column in knots.T], axis=1)
 
 
 class ObjectFirst:
     """A guide for a task whose goal is for an object. It depends on state and parameters alone.
 
-    Other objects and fixtures it does not see: that its walk meets them the rollouts notice.
+    The object is planned for first: it goes straight to its goal. That takes a robot behind it
+    which pushes along this line, and proposed is the walk that does so; all but the base is as in
+    the last plan. Other objects and fixtures it does not see: that its walk meets them the
+    rollouts notice.
     """
 
     def __init__(self, problem: Problem, config: PlannerConfig) -> None:
@@ -45,6 +78,7 @@ class ObjectFirst:
         self._task, self._model, self._data = task, model, mujoco.MjData(model)
         self._base = model.body(task.scene.robot.base).id
         self._object = model.body(task.goal_object).id
+        self._velocities = task.actions.base
         root = model.body_rootid[model.geom_bodyid]
         self._of_robot = np.flatnonzero(root == self._base)
         self._of_object = np.flatnonzero(root == self._object)
@@ -59,12 +93,18 @@ class ObjectFirst:
         share = np.maximum(0.0, 1.0 - np.abs(ticks - times[:, None]) / spacing)
         self._around = share / share.sum(axis=1, keepdims=True)  # (F, T): of ticks in a knot
 
-    def __call__(self, state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    def __call__(self, state: np.ndarray, parameters: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """Knots (F, n) from the start on: the mean's, but those of the base are the walk's."""
+        knots = mean.copy()
+        knots[:, self._velocities] = self.walk(state, parameters)
+        return knots
+
+    def walk(self, state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """Knots (F, 3) of the base from the start on, normalised: means of the walk around them.
 
         Args:
             state: (nq + nv,).
-            parameters: (n,) of the task.
+            parameters: (p,) of the task.
         """
         ground = self.ground(state, parameters)
         velocities = walk(ground, self._gait, self._around.shape[1])  # (T, 3)
@@ -72,7 +112,7 @@ class ObjectFirst:
         return (knots - self._lower) / (self._upper - self._lower) * 2.0 - 1.0
 
     def ground(self, state: np.ndarray, parameters: np.ndarray) -> Ground:
-        """Robot and object of a state from above; arguments as of `__call__`."""
+        """Robot and object of a state from above; arguments as of `walk`."""
         model, data, task = self._model, self._data, self._task
         data.qpos[:] = state[: model.nq]
         mujoco.mj_kinematics(model, data)

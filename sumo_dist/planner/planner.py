@@ -43,7 +43,8 @@ class PlanResult:
 
     Attributes:
         plan: the new plan.
-        evaluation: of the last iteration's candidates; row 0 is the unperturbed mean.
+        evaluation: of the last iteration's candidates; row 0 is the unperturbed mean, or, where
+            all candidates are proposals, the proposal.
         cost: weights and parameters that it was made with.
         failed: no candidate had a finite cost; the plan is the shifted previous one.
     """
@@ -107,9 +108,10 @@ class Planner:
             rng = self._rng(request.number, iteration)
             shares = noise_shares(config.placement, count)  # (B,)
             # a ~ N(mu, sigma^2); (B, F, n)
-            drawn = sample(belief, count, rng, self._coloring, shares)
+            around = belief
             if iteration == 0:
-                self._propose(request, drawn)
+                around, shares = self._propose(request, belief, shares)
+            drawn = sample(around, count, rng, self._coloring, shares)
             knots = self._after(shifted[0], drawn).astype(np.float32)  # (B, K, n)
             evaluation = evaluate(request, iteration, knots)  # roll out f(s, policy(s, g(a)))
             costs = evaluation.costs(request.cost.weights)  # J; (B,)
@@ -134,14 +136,33 @@ class Planner:
         knots = request.previous.at_times(elapsed)
         return self._after(knots[0], knots[None, -len(self._sigma) :])[0]
 
-    def _propose(self, request: PlanRequest, drawn: np.ndarray) -> None:
-        """Put what the guide proposes in the place of the last of the candidates (B, F, n).
+    def _propose(
+        self, request: PlanRequest, belief: Belief, shares: np.ndarray
+    ) -> tuple[Belief, np.ndarray]:
+        """Let the last candidates be drawn around what the guide proposes, the first of them exact.
 
-        The base walks as proposed, and all else is as in the last plan, shifted: as in row 0.
+        What is not searched stays as in the last plan, shifted.
+
+        Args:
+            request: where the plan starts.
+            belief: what all others are drawn from.
+            shares: (B,) of the noise that each candidate has.
+
+        Returns:
+            What is drawn from, with a mean of each candidate, and their shares of the noise.
         """
-        if self._guide is not None and len(drawn) > 1:
-            drawn[-1] = drawn[0]
-            drawn[-1][:, self._actions.base] = self._guide(request.state, request.cost.parameters)
+        candidates, guided = len(shares), self.config.guided
+        count = min(max(1, round(guided * candidates)), candidates - 1)  # row 0 is the last plan
+        if guided == 1.0:
+            count = candidates
+        if self._guide is None or count == 0:
+            return belief, shares
+        proposal = self._guide(request.state, request.cost.parameters, belief.mean)  # (F, n)
+        means = np.repeat(belief.mean[None], candidates, axis=0)  # (B, F, n)
+        means[-count:] = np.where(belief.sigma > 0.0, proposal, belief.mean)
+        shares = shares.copy()
+        shares[-count] = 0.0
+        return Belief(means, belief.sigma), shares
 
     def _noise(self) -> np.ndarray:
         """Standard deviations (F, n) of the knots from the start on."""

@@ -92,12 +92,17 @@ def parameter_ranges(task: Task, now: CostSettings | None = None) -> dict[str, t
 
 
 def setting_ranges(planner: PlannerConfig) -> dict[str, Range]:
-    """Return a range for each setting of the planner, wide enough for its value now."""
+    """Return a range for each setting of the planner, wide enough for its value now.
+
+    The file of a policy has none; neither has guidance, which goes with it, another value.
+    """
     found = {}
     for name, useful in _USEFUL.items():
         now, about = getattr(planner, name), SETTINGS[name].about
         if useful.kind == "choice":
             choices = useful.choices or SETTINGS[name].choices
+            if name == "guidance":
+                choices = ("learned",) if planner.policy else ("none", "object")
             extra = () if now in choices else (now,)
             found[name] = replace(useful, default=now, choices=(*choices, *extra), about=about)
         else:
@@ -153,5 +158,6 @@ _SHAPES: Mapping[str, Range] = {
     "fluid_density": replace(_float(0.0, 2.0), unit="kg/m^3"),
     "model": _choice(),
     "guidance": _choice(),
+    "guided": _float(0.0, 1.0),
 }
 _USEFUL = {name: replace(shape, name=name) for name, shape in _SHAPES.items()}

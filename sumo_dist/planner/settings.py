@@ -10,7 +10,7 @@ from sumo_dist.timing import TICK, TICK_RATE
 
 Execute = Literal["mean", "best"]
 Model = Literal["lean", "full"]
-Guidance = Literal["none", "object"]
+Guidance = Literal["none", "object", "learned"]
 
 
 class Setting(NamedTuple):
@@ -92,6 +92,13 @@ SETTINGS = {
         "what rollouts are made with; full is all that the plant has", get_args(Model)
     ),
     "guidance": _one_of(
-        "object: one candidate walks behind the object and pushes it", get_args(Guidance)
+        "what proposes candidates. object: a walk that pushes the object; learned: a policy",
+        get_args(Guidance),
     ),
+    "policy": Setting(
+        "the learned policy's file, from `sumo-dist train` or `sumo-dist distil`",
+        "with guidance=learned a file on the optimizer's host",
+        lambda path: "\0" not in path,
+    ),
+    "guided": _between("share of the candidates that are proposals; 0 is one of them", 0, 1),
 }

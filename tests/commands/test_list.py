@@ -30,7 +30,7 @@ def test_every_task_and_setting_has_a_line_that_describes_it(capsys):
         assert load_task(name).description in line
         assert len(load_task(name).description) > 20
     for name, default in asdict(PlannerConfig()).items():
-        (line,) = [line for line in lines if line.split()[:2] == [name, str(default)]]
+        (line,) = [line for line in lines if line.split()[:2] == [name, str(default) or "-"]]
         assert line.endswith(f"{SETTINGS[name].about}; {SETTINGS[name].valid}")
     assert f"optimizers: {', '.join(OPTIMIZERS)}" in lines
     assert f"engines:    {', '.join(ENGINES)}" in lines

@@ -13,10 +13,14 @@ import numpy as np
 import pytest
 
 from sumo_dist.cli import main
+from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.observation import Observer
+from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.policies.fetch import cached
 from sumo_dist.policies.manifest import pinned_policy
 from sumo_dist.record.folders import last_episode
 from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
 
 QUICK = ["--set", "rollouts=6", "--set", "horizon=0.3", "--viewer", "none"]
 FREE = ["--listen", "tcp/127.0.0.1:0"]
@@ -92,6 +96,38 @@ def test_a_trace_is_written_without_a_viewer_if_asked_for(tmp_path, capsys, read
     assert f"sumo-dist replay {tmp_path / 'a'}" in capsys.readouterr().err
 
 
+def test_a_learned_policy_drives_in_place_of_the_planner(
+    tmp_path, policy_file, monkeypatch, drawn_policy
+):
+    monkeypatch.chdir(policy_file.parent)
+    out = tmp_path / "run"
+    args = ["--policy-file", policy_file.name, "--workers", "0", "--viewer", "none"]
+    assert main(["run", "spot/move_box", *args, "--time-limit", "0.5", "--out", str(out)]) == 1
+    recording = Recording.load(out / "run.npz")
+    settings = recording.config["episode"]["planner"]
+    assert (settings["policy"], settings["rollouts"]) == (str(policy_file), 1)
+    task = load_task("spot/move_box")
+    model = Problem.build(task, planning_options(PlannerConfig())).model
+    seen = Observer(task, model)(np.array(recording.estimates), task.table.defaults.parameters)
+    decided = drawn_policy("spot/move_box", seed=1)(seen)[recording.plan_ticks]  # (P, 1, n)
+    assert np.array_equal(recording.knots, decided.astype(np.float32))
+
+
+def test_what_is_said_beside_a_learned_policy_wins(tmp_path, policy_file):
+    beside = ["--set", "guided=0.5", "--set", "rollouts=4", "--set", "nodes=2"]
+    args = ["--policy-file", str(policy_file), "--workers", "0", "--viewer", "none", *beside]
+    out = tmp_path / "run"
+    assert main(["run", "spot/move_box", *args, "--time-limit", "0.1", "--out", str(out)]) == 1
+    settings = Recording.load(out / "run.npz").config["episode"]["planner"]
+    assert (settings["guided"], settings["rollouts"], settings["nodes"]) == (0.5, 4, 2)
+    assert settings["policy"] == str(policy_file)
+
+
+def test_a_learned_policy_of_another_robot_is_refused(capsys, policy_file):
+    args = ["--policy-file", str(policy_file), "--workers", "0"]
+    assert "whose robot is spot cannot do task" in refused(capsys, "g1/box_push", *args)
+
+
 @pytest.mark.parametrize(
     ("args", "message"),
     [
@@ -101,8 +137,11 @@ def test_a_trace_is_written_without_a_viewer_if_asked_for(tmp_path, capsys, read
         (["spot/move_box", "--set", "rollouts=x"], "setting rollouts needs a value of type int"),
         (["spot/move_box", "--set", "rollouts=0"], "rollouts must be from 1 to"),
         (["spot/move_box", "--set", "horizon"], "is not of the form key=value"),
-        (["spot/move_box", "--set", "guidance=goal"], "unknown guidance 'goal'; valid: none, obj"),
+        (["spot/move_box", "--set", "guidance=goal"], "unknown guidance 'goal'; valid: learned, "),
         (["spot/upright_box", "--set", "guidance=object"], "guidance=object is not for task 'spot"),
+        (["spot/move_box", "--set", "guidance=learned"], "guidance=learned needs policy=FILE"),
+        (["spot/move_box", "--policy-file", "none.onnx"], "cannot read policy file none.onnx on"),
+        (["spot/move_box", "--policy-file", __file__], "not an ONNX file"),
         (["spot/move_box", "--weight", "gaol=3"], "unknown cost term 'gaol'; valid: fall, goal, "),
         (["spot/move_box", "--weight", "goal"], "weight 'goal' is not of the form name=number"),
         (["spot/move_box", "--param", "gaol=3"], "unknown parameter 'gaol'; valid: goal, success"),

@@ -1,4 +1,5 @@
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -96,7 +97,8 @@ def test_bad_settings_say_what_is_valid(setting, message):
 def test_survives_the_wire():
     config = PlannerConfig(optimizer="mppi", horizon=0.8, rollouts=7)
     assert PlannerConfig.from_settings(asdict(config)) == config
-    since = "model", "guidance", "placement", "rate"  # settings that there were not always
+    # settings that there were not always
+    since = "model", "guidance", "placement", "rate", "policy", "guided"
     before = {name: value for name, value in asdict(config).items() if name not in since}
     assert PlannerConfig.from_settings(before) == replace(config, model="full")
 
@@ -107,6 +109,14 @@ def test_survives_the_wire():
 def test_settings_of_another_version_are_refused(change):
     with pytest.raises(UsageError, match="planner settings of another version; valid: optimizer"):
         PlannerConfig.from_settings({**asdict(PlannerConfig()), **change})
+
+
+def test_a_learned_policy_and_guidance_by_it_go_together():
+    config = PlannerConfig().with_settings(["guidance=learned", "policy=a.onnx"])
+    assert config.policy == str(Path("a.onnx").absolute())
+    for alone in (["guidance=learned"], ["policy=a.onnx"], ["guidance=object", "policy=a.onnx"]):
+        with pytest.raises(UsageError, match="guidance=learned needs policy=FILE, and nothing els"):
+            PlannerConfig().with_settings(alone)
 
 
 def test_missing_settings_are_refused():
@@ -121,7 +131,10 @@ def test_the_hash_depends_on_every_setting_and_on_the_task():
     changes = {"optimizer": "cem", "spline": "zero", "timestep": 0.01, "execute": "best"}
     changes |= {"model": "full", "guidance": "object", "placement": "near"}
     for name, value in asdict(PlannerConfig()).items():
-        change = {name: changes[name] if name in changes else value + 1}
+        if name == "policy":
+            change = {"guidance": "learned", "policy": "a.onnx"}
+        else:
+            change = {name: changes[name] if name in changes else value + 1}
         assert PlannerConfig(**change).hash("task") != base, name
 
 

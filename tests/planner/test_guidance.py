@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from sumo_dist.episode.assemble import draw_start
+from sumo_dist.errors import PolicyError
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.guidance import ObjectFirst, make_guide
+from sumo_dist.planner.guidance import LearnedGuide, ObjectFirst, make_guide
+from sumo_dist.planner.observation import Observer
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.tasks import load_task, task_names
 from sumo_dist.tasks.task import Goal
@@ -66,19 +68,28 @@ def test_what_is_as_high_as_the_object_reaches_for_it(guide, state, move_box):
 
 
 def test_knots_push_straight_ahead_and_end_slowly(guide, state, move_box):
-    knots = guide(state, parameters(move_box, 3.0))
+    knots = guide.walk(state, parameters(move_box, 3.0))
     assert knots == pytest.approx(np.tile([1.0, 0.0, 0.0], (4, 1)), abs=1e-9)
     state[0] = -1.15  # it touches the box, 0.1 m from where that should be
-    slow = guide(state, parameters(move_box, -0.4))[:, 0]
+    slow = guide.walk(state, parameters(move_box, -0.4))[:, 0]
     assert 0.0 < slow[-1] < 0.1 < slow[0] < 1.0
 
 
 def test_state_and_parameters_alone_decide(guide, state, move_box):
     there, back = parameters(move_box, 3.0), parameters(move_box, -3.0)
-    first = guide(state, there)
-    assert not np.array_equal(guide(state, back), first)
-    assert np.array_equal(guide(state, there), first)
-    assert np.array_equal(guide_of(move_box)(state, there), first)
+    first = guide.walk(state, there)
+    assert not np.array_equal(guide.walk(state, back), first)
+    assert np.array_equal(guide.walk(state, there), first)
+    assert np.array_equal(guide_of(move_box).walk(state, there), first)
+
+
+def test_all_but_the_base_stays_as_it_is_planned(guide, state, move_box):
+    mean = np.random.default_rng(0).uniform(-1.0, 1.0, (4, move_box.actions.size))
+    before, there, base = mean.copy(), parameters(move_box, 3.0), move_box.actions.base
+    knots = guide(state, there, mean)
+    assert np.array_equal(mean, before)
+    assert np.array_equal(knots[:, ~base], mean[:, ~base])
+    assert np.array_equal(knots[:, base], guide.walk(state, there))
 
 
 @pytest.mark.parametrize("name", PUSHED)
@@ -86,7 +97,8 @@ def test_every_task_that_pushes_is_guided(name):
     task = load_task(name)
     config = PlannerConfig.resolve(task.planner, settings=["guidance=object"])
     guide = make_guide(Problem.build(task, planning_options(config)), config)
-    knots = guide(draw_start(task, 101), task.table.defaults.parameters)
+    assert isinstance(guide, ObjectFirst)
+    knots = guide.walk(draw_start(task, 101), task.table.defaults.parameters)
     assert knots.shape == (config.nodes - 1, 3)
     assert np.abs(knots).max() <= 1.0 + 1e-12
     assert np.abs(knots[:, :2]).max() > 0.5
@@ -103,7 +115,7 @@ def test_every_task_that_pushes_is_guided(name):
 )
 def test_any_spline_has_knots_of_the_walk(state, move_box, settings):
     config = replace(GUIDED, **settings)
-    knots = guide_of(move_box, config)(state, parameters(move_box, 3.0))
+    knots = guide_of(move_box, config).walk(state, parameters(move_box, 3.0))
     assert len(knots) == config.nodes - (config.spline == "smooth")
     assert knots == pytest.approx(np.tile([1.0, 0.0, 0.0], (len(knots), 1)), abs=1e-9)
 
@@ -135,4 +147,39 @@ def test_an_object_that_nothing_can_touch_is_a_point(state, move_box, tmp_path):
     )
     ground = guide.ground(state, parameters(move_box))
     assert (ground.back, ground.width) == (0.0, 0.0)
-    assert np.isfinite(guide(state, parameters(move_box))).all()
+    assert np.isfinite(guide.walk(state, parameters(move_box))).all()
+
+
+TIMES = 0.0, 0.5, 1.0
+
+
+@pytest.fixture(scope="module")
+def learned(drawn_policy, tmp_path_factory):
+    """A policy with three knots, and where its file is."""
+    path = tmp_path_factory.mktemp("learned") / "policy.onnx"
+    policy = drawn_policy("spot/move_box", seed=7, times=TIMES)
+    policy.save(path)
+    return policy, path
+
+
+@pytest.mark.parametrize("spline", ["smooth", "linear"])
+def test_a_learned_policy_proposes_at_the_knots_of_the_plan(state, move_box, learned, spline):
+    policy, path = learned
+    config = PlannerConfig(guidance="learned", policy=str(path), spline=spline, nodes=5)
+    problem = Problem.build(move_box, planning_options(config))
+    guide, there = make_guide(problem, config), parameters(move_box, 3.0)
+    assert isinstance(guide, LearnedGuide)
+    knots = guide(state, there, np.empty(0))
+    (own,) = policy(Observer(move_box, problem.model)(state[None], there))
+    if spline == "smooth":  # at 0, 0.5, 1 and 1.5 s
+        assert np.array_equal(knots, own[[0, 1, 2, 2]])
+    else:  # 0.375 s apart
+        between = own[0] + 0.75 * (own[1] - own[0]), own[1] + 0.5 * (own[2] - own[1])
+        assert knots == pytest.approx(np.stack([own[0], *between, own[2], own[2]]))
+
+
+def test_a_policy_guides_only_what_it_was_made_for(learned):
+    config = PlannerConfig(guidance="learned", policy=str(learned[1]))
+    problem = Problem.build(load_task("g1/box_push"), planning_options(config))
+    with pytest.raises(PolicyError, match="whose robot is spot cannot do task 'g1/box_push'"):
+        make_guide(problem, config)

@@ -313,6 +313,13 @@ def test_parameters_travel_with_the_question():
 WALK = np.tile([0.25, -0.5, 1.0], (4, 1))  # (F, 3) of the base
 
 
+def walks(state, parameters, mean):
+    """Propose that the base walks, and all else goes on as planned."""
+    knots = mean.copy()
+    knots[:, :3] = WALK
+    return knots
+
+
 def asked_with(guide, config):
     """Candidates of every iteration of a plan that follows another one."""
     bowl = Bowl()
@@ -324,7 +331,7 @@ def asked_with(guide, config):
 @pytest.mark.parametrize("config", [PlannerConfig(iterations=2), replace(LINEAR, rollouts=2)])
 def test_what_a_guide_proposes_is_the_last_candidate_of_a_plan(config):
     """Its base walks as proposed, its limbs move as in the last plan; all others are as ever."""
-    drawn, guided = asked_with(None, config), asked_with(lambda *_: WALK, config)
+    drawn, guided = asked_with(None, config), asked_with(walks, config)
     assert np.array_equal(guided[0][:-1], drawn[0][:-1])
     assert guided[0][-1][-4:, :3] == pytest.approx(WALK)
     assert np.array_equal(guided[0][-1][:, 3:], guided[0][0][:, 3:])
@@ -335,9 +342,9 @@ def test_what_a_guide_proposes_is_the_last_candidate_of_a_plan(config):
 def test_a_guide_is_asked_for_the_state_and_the_parameters_of_the_plan():
     asked = []
 
-    def guide(state, parameters):
+    def guide(state, parameters, mean):
         asked.append((state, parameters))
-        return WALK
+        return mean
 
     made_for = request()
     Planner(PlannerConfig(iterations=3), ACTIONS, 0, guide).plan(made_for, Bowl())
@@ -348,7 +355,7 @@ def test_a_guide_is_asked_for_the_state_and_the_parameters_of_the_plan():
 
 def test_the_only_candidate_is_the_last_plan():
     config = PlannerConfig(rollouts=1)
-    drawn, guided = asked_with(None, config), asked_with(lambda *_: WALK, config)
+    drawn, guided = asked_with(None, config), asked_with(walks, config)
     assert np.array_equal(guided[0], drawn[0])
 
 
@@ -356,6 +363,94 @@ def test_a_walk_that_costs_least_is_the_plan():
     def far_from_the_walk(_request, _iteration, knots):
         return evaluation(((knots[:, -4:, :3] - WALK) ** 2).sum(axis=(1, 2)))
 
-    planner = Planner(PlannerConfig(), ACTIONS, 0, lambda *_: WALK)
+    planner = Planner(PlannerConfig(), ACTIONS, 0, walks)
     plan = planner.plan(request(), far_from_the_walk).plan
     assert plan.knots[1:, :3] == pytest.approx(WALK)
+
+
+PROPOSED = 0.5  # by the guide below, everywhere
+
+
+def half(state, parameters, mean):
+    """Propose the same whatever the state."""
+    return np.full_like(mean, PROPOSED)
+
+
+def candidates(rollouts, guide=half, number=1, **settings):
+    """The first candidates of a plan that follows another one, and what they are drawn with."""
+    bowl, config = Bowl(), PlannerConfig(rollouts=rollouts, **settings)
+    planner = Planner(config, ACTIONS, 3, guide)
+    previous = replace(previous_plan(), knots=np.zeros((4, N), np.float32))
+    planner.plan(request(number, tick=2, previous=previous), bowl)
+    return bowl.asked[0]
+
+
+EASY = {"spline": "linear", "nodes": 4, "variance_first": 0.001, "variance_last": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("guided", "rollouts", "proposals"),
+    [
+        (0.0, 16, 1),
+        (0.01, 16, 1),
+        (0.25, 16, 4),
+        (0.5, 5, 2),
+        (0.99, 8, 7),
+        (1.0, 8, 8),
+        (1.0, 1, 1),
+        (0.9, 1, 0),
+        (0.0, 1, 0),
+    ],
+)
+def test_the_last_candidates_are_proposals(guided, rollouts, proposals):
+    knots = candidates(rollouts, guided=guided, **EASY)
+    usual = candidates(rollouts, guide=None, **EASY)
+    rest = rollouts - proposals
+    assert np.array_equal(knots[:rest], usual[:rest])
+    if proposals:
+        assert np.all(knots[rest] == PROPOSED)
+        noise = knots[rest + 1 :] - PROPOSED
+        assert noise == pytest.approx(usual[rest + 1 :], abs=1e-6)  # which is around zero
+        assert all(np.abs(row).max() > 0.01 for row in noise)
+
+
+def test_proposals_near_their_mean_have_a_share_of_the_noise():
+    near = {"guided": 0.5, "placement": "near"}
+    knots = candidates(16, **near, **EASY)[9:] - PROPOSED
+    usual = candidates(16, guided=0.5, **EASY)[9:] - PROPOSED
+    for row, (mine, whole) in enumerate(zip(knots, usual, strict=True), 9):
+        assert mine == pytest.approx(whole / (1 if row % 2 else 3), abs=1e-6)
+
+
+def test_proposals_stay_within_the_limits():
+    wild = {**EASY, "variance_first": 4.0, "variance_last": 4.0}
+    knots = candidates(16, guide=lambda state, parameters, mean: mean + 3.0, guided=1.0, **wild)
+    assert np.all(knots[0] == 1.0)
+    assert knots.min() >= -1.0 and knots.max() <= 1.0
+
+
+def test_what_is_not_searched_is_not_proposed_either():
+    smooth = candidates(8, guided=0.5)
+    limbs = ~ACTIONS.base
+    assert np.all(smooth[4:, :2][..., limbs] == smooth[0, :2][:, limbs])
+    assert np.all(smooth[4, 2:] == PROPOSED)
+
+
+def test_later_iterations_have_no_proposals():
+    bowl = Bowl()
+    config = PlannerConfig(rollouts=12, iterations=2, guided=1.0, **EASY)
+    Planner(config, ACTIONS, 3, half).plan(request(), bowl)
+    first, second = bowl.asked
+    assert np.all(first[0] == PROPOSED)
+    assert not any(np.all(row == PROPOSED) for row in second[1:])
+
+
+def test_one_proposal_alone_is_the_plan():
+    config = PlannerConfig(
+        rollouts=1, guided=1.0, nodes=1, spline="zero", horizon=0.06, optimizer="ps"
+    )
+    result = Planner(config, ACTIONS, 3, half).plan(request(), Bowl())
+    assert np.array_equal(result.plan.knots, np.full((1, N), PROPOSED, np.float32))
+    lost = Planner(config, ACTIONS, 3, half).plan(request(), all_lost)
+    assert lost.failed
+    assert np.allclose(ACTIONS.physical(lost.plan.knots), ACTIONS.default)

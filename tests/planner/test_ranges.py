@@ -25,7 +25,7 @@ def values(found: Range) -> list[object]:
 def test_every_setting_has_a_range_whose_values_are_valid(preset):
     config = PlannerConfig.preset(preset)
     found = setting_ranges(config)
-    assert [*found] == [*SETTINGS]
+    assert [*found] == [name for name in SETTINGS if name != "policy"]
     for name, useful in found.items():
         assert useful.name == name and useful.default == getattr(config, name) and useful.about
         for value in values(useful):
@@ -50,6 +50,11 @@ def test_a_setting_beyond_what_is_usual_widens_its_range():
     found = setting_ranges(PlannerConfig(rollouts=1000, horizon=0.2, timestep=0.001))
     assert (found["rollouts"].high, found["horizon"].low) == (1000, 0.2)
     assert 0.001 in found["timestep"].choices
+
+
+def test_with_a_learned_policy_guidance_stays_as_it_is():
+    found = setting_ranges(PlannerConfig(guidance="learned", policy="a.onnx"))
+    assert found["guidance"].choices == ("learned",)
 
 
 def test_weights_of_any_sign_and_open_parameters_have_ranges():

@@ -7,6 +7,10 @@ from importlib.util import find_spec
 
 import pytest
 
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.single import run_single
+from sumo_dist.planner.learned import driving
+
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 LIMIT = 2.0  # robot time of the runs that something happens to [s]: 40 plans
@@ -37,6 +41,24 @@ def test_two_workers_give_the_same_bits_with_other_settings(
 ):
     system = robot_starts(planner=replace(config, **change), time_limit=limit)
     assert_same_bits(system.finish(), expected_digests(time_limit=limit, **change))
+
+
+def test_a_learned_policy_drives_by_workers_with_the_same_bits(robot_starts, config, policy_file):
+    episode = EpisodeConfig(
+        "spot/move_box", 1, config.changed(driving(policy_file)), time_limit=1.0
+    )
+    recording, _ = run_single(episode, threads=1)
+    system = robot_starts(planner=episode.planner, time_limit=1.0)
+    assert_same_bits(system.finish(), (recording.plan_digest, recording.state_digest))
+
+
+def test_a_learned_policy_that_the_optimizer_has_not_ends_the_run(robot_starts, config):
+    planner = replace(config, guidance="learned", policy="/none/policy.onnx")
+    code, summary = robot_starts(planner=planner, time_limit=1.0).finish()
+    assert code == 3
+    assert summary["end_reason"] == (
+        "fault: cannot read policy file /none/policy.onnx on this host: No such file or directory"
+    )
 
 
 def test_any_number_of_workers_with_threads_gives_the_same_bits(

@@ -34,6 +34,8 @@ class TrialSettings:
         optimizer: one of those of `sumo-dist list`; by default the preset's.
         settings: file of weights, parameters and planner settings, such as `sumo-dist tune` writes;
             what is said beside it wins.
+        policy_file: a learned policy, from `sumo-dist train` or `sumo-dist distil`, drives in place
+            of the planner; what --set says wins.
         set: planner settings as key=value; `sumo-dist list` names all.
         engine: auto, native, native-portable or fallback; auto does not take the fallback.
         time_limit: robot time per trial [s]; the tasks' own by default.
@@ -51,6 +53,7 @@ class TrialSettings:
     preset: str = "default"
     optimizer: str | None = None
     settings: Path | None = None
+    policy_file: Path | None = None
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     engine: str = "auto"
     time_limit: float | None = None
@@ -81,7 +84,7 @@ class TrialSettings:
             seed,
             **resolved(
                 *(load_task(task), self.settings, self.preset, self.optimizer),
-                *(self.set, self.weight, self.param),
+                *(self.set, self.weight, self.param, self.policy_file),
             ),
             estimator=self.estimator,
             time_limit=self.time_limit,
@@ -160,15 +163,19 @@ class Campaign:
         So whatever else the machine does meanwhile slows all of them alike.
 
         Args:
-            campaigns: of the same trials, that differ in their names and in the planner's settings.
+            campaigns: that differ in their names, their trials in the same order.
 
         Raises:
             SumoError: as of `run`.
         """
         first, named = campaigns[0], {campaign.name: campaign for campaign in campaigns}
-        turn = {trial: number for number, trial in enumerate(first.trials)}
+        turns = {
+            (campaign.name, trial): number
+            for campaign in campaigns
+            for number, trial in enumerate(campaign.trials)
+        }
         todo = [job for campaign in campaigns for job in campaign._lacking()]
-        todo.sort(key=lambda job: turn[job.trial])
+        todo.sort(key=lambda job: turns[job.cell, job.trial])
         for job, row in first._run_each(todo):
             named[job.cell]._note(job, row)
 

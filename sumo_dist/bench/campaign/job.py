@@ -1,5 +1,6 @@
 """One trial of a campaign: an episode, and the row that the journal gets of it."""
 
+import hashlib
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -20,6 +21,7 @@ from sumo_dist.episode.summary import summarise, write_summary
 from sumo_dist.errors import SumoError, TaskError
 from sumo_dist.model.scene import PLANT, compile_model
 from sumo_dist.planner.config import PlannerConfig
+from sumo_dist.planner.guidance import make_guide
 from sumo_dist.planner.plan import Plan
 from sumo_dist.planner.planner import PlanRequest
 from sumo_dist.planner.problem import Problem, planning_options
@@ -153,14 +155,21 @@ def task_settings(episode: EpisodeConfig) -> Row:
             that it can have.
     """
     task = load_task(episode.task)
-    task.check_settings(episode.planner)
     episode.cost(task)
     problem = Problem.build(task, planning_options(episode.planner))
+    make_guide(problem, episode.planner)
+    policy = {"policy_sha256": sha256(episode.planner.policy)} if episode.planner.policy else {}
     return {
+        **policy,
         "time_limit_s": episode.time_limit or task.time_limit,
         "planner": asdict(episode.planner),
         "config_hash": episode.planner.hash(problem.hash),
     }
+
+
+def sha256(path: str) -> str:
+    """Hash a file: a policy that was trained on is another one under the same name."""
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def place(job: Job) -> str:

@@ -117,3 +117,16 @@ def test_the_table_counts_tasks_apart():
     a, b = ([cell.strip() for cell in line.split("|")[1:-1]] for line in lines[2:])
     assert a == ["a", "2/3", "0.67", "0.21 to 0.94", "5.50", "5.50", "success 2, fell 1"]
     assert b == ["b", "1/1", "1.00", "0.21 to 1.00", "2.00", "2.00", "success 1"]
+
+
+def test_trials_by_a_learned_policy_are_told_from_those_of_another(tmp_path, drawn_policy, capsys):
+    out, path = tmp_path / "trials.jsonl", tmp_path / "policy.onnx"
+    drawn_policy("spot/move_box", seed=1).save(path)
+    args = ("--tasks", "spot/move_box,spot/upright_cone", "--trials", "1", "--time-limit", "0.2")
+    command = ["bench", "episodes", *args, "--out", str(out), "--policy-file", str(path)]
+    assert main(command) == 0
+    assert [row["planner"]["policy"] for row in rows(out)] == [str(path)] * 2
+    drawn_policy("spot/move_box", seed=2).save(path)
+    capsys.readouterr()
+    assert main(command) == 2
+    assert "was made with other settings: policy_sha256 is" in capsys.readouterr().err
