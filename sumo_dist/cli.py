@@ -50,6 +50,12 @@ COMMANDS = {
     "run": Command("Run a task: plan, watch, record", "sumo_dist.commands.run"),
     "list": Command("List tasks, optimizers and engines", "sumo_dist.commands.list"),
     "tune": Command("Search weights and settings of a task", "sumo_dist.bench.tune.command"),
+    "train": Command(
+        "Train a policy over a task's actions by reinforcement", "sumo_dist.learn.command"
+    ),
+    "distil": Command(
+        "Make recorded runs into a policy that proposes plans", "sumo_dist.learn.distil_command"
+    ),
     "replay": Command(
         "Show, render, verify or plan again a recorded run", "sumo_dist.commands.replay"
     ),
@@ -150,6 +156,10 @@ COMMANDS = {
     "bench compare": Command(
         "Say what changed between two suites and whether it matters",
         "sumo_dist.bench.results.compare",
+    ),
+    "bench compare-methods": Command(
+        "Compare the planner with planning end to end and with learned policies",
+        "sumo_dist.bench.campaign.methods",
     ),
     "bench limbs": Command(
         "Say what recorded trials did with gripper, legs and torso", "sumo_dist.bench.results.limbs"
@@ -260,7 +270,7 @@ def _within(group: str) -> list[str]:
 
 
 def _overview(group: str = "") -> str:
-    rows = (f"  {name:<20}{COMMANDS[name].summary}" for name in _within(group))
+    rows = (f"  {name:<23}{COMMANDS[name].summary}" for name in _within(group))
     what = f"{group} COMMAND" if group else "COMMAND"
     lines = [f"usage: sumo-dist {what} [options]", "", *rows, ""]
     return "\n".join([*lines, f"sumo-dist {what} --help says more."])

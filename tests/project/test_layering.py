@@ -18,8 +18,8 @@ ROOMS = (
     *("extras", "startup", "authority"),
     *("math", "policies", "robots", "model", "costs", "rollout", "optim"),
     *("planner.settings", "planner.config", "tasks", "planner"),  # a task may state settings
-    *("estimate", "plant", "record", "episode", "check", "wire", "dispatch", "control", "view"),
-    "export",
+    *("estimate", "plant", "record", "episode", "learn", "check", "wire", "dispatch"),
+    *("control", "view", "export"),
     *(
         "services",
         "launch",

@@ -1,0 +1,240 @@
+"""Many episodes of a task at once, as a learner sees them: observe, act, be rewarded.
+
+All of it is the planner's: rows of one rollout engine on the planning model and its variations,
+the task's action space, cost terms, success and starts. A reward is by how much an action lowers
+the task's cost, so their sum is the cost that the robot took away.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+import numpy as np
+
+from sumo_dist.costs.table import CostSettings
+from sumo_dist.costs.view import View
+from sumo_dist.learn.starts import Starts
+from sumo_dist.model.variation import Spread, draw
+from sumo_dist.planner.observation import Observer
+from sumo_dist.planner.problem import Problem
+from sumo_dist.timing import PLAN_RATE, TICK, TICK_RATE, anchor_tick
+
+COST_UNIT = 10.0  # cost that a reward of 1 takes away: sums over an episode are then about 10
+
+
+@dataclass(frozen=True)
+class EnvironmentConfig:
+    """How episodes are drawn and cut.
+
+    Attributes:
+        count: B, episodes at a time.
+        rate: actions per second of robot time [Hz].
+        time_limit: of an episode [s].
+        starts: S, in the store of starts.
+        models: variations of the model among which episodes are spread, besides the model itself.
+        spread: of the variations.
+        scatter: up to how far starts are moved on the floor, see `Starts` [m].
+    """
+
+    count: int = 512
+    rate: int = PLAN_RATE
+    time_limit: float = 30.0
+    starts: int = 1024
+    models: int = 0
+    spread: Spread = field(default_factory=Spread)
+    scatter: float = 0.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What follows from one action of each episode; one that ended has begun anew.
+
+    Attributes:
+        observations: (B, size) float32, of the states now.
+        rewards: (B,).
+        ended: (B,) bool, the episode is over, for whatever reason.
+        timed_out: (B,) bool, it is over since its time was up.
+        solved: (B,) bool, it ended in success.
+        fell: (B,) bool, it ended since a term that counts once held, or its rollout diverged.
+        cost: (B,) the task's cost where each episode was when the action had ended.
+    """
+
+    observations: np.ndarray
+    rewards: np.ndarray
+    ended: np.ndarray
+    timed_out: np.ndarray
+    solved: np.ndarray
+    fell: np.ndarray
+    cost: np.ndarray
+
+
+@dataclass
+class _Rows:
+    """Where the episodes are.
+
+    Attributes:
+        states: (B, nq + nv).
+        memory: (B, nm) float32, of the low-level policy.
+        models: (B,) numbers of their models.
+        age: (B,) ticks since the start.
+        held: (B,) ticks for which success has held.
+        cost: (B,) the task's cost; NaN at a start, which no action led to.
+    """
+
+    states: np.ndarray
+    memory: np.ndarray
+    models: np.ndarray
+    age: np.ndarray
+    held: np.ndarray
+    cost: np.ndarray
+
+
+class Environment:
+    """Episodes of one task; a context manager. Seed and actions decide every bit of it."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        cost: CostSettings,
+        config: EnvironmentConfig,
+        seed: int,
+        threads: int,
+        engine: str = "auto",
+    ) -> None:
+        """Draw models and starts, and begin.
+
+        Args:
+            problem: the task, compiled.
+            cost: weights and parameters.
+            config: how episodes are drawn.
+            seed: of all that is drawn; the starts are those of `run` with seeds from this one on.
+            threads: of the rollouts.
+            engine: kind of engine, see `make_engine`.
+        """
+        self._problem, self._cost, self.config = problem, cost, config
+        self._rng = np.random.default_rng(seed)
+        models = tuple(draw(problem.model, config.spread, self._rng) for _ in range(config.models))
+        seeds = range(seed, seed + config.starts)
+        self._starts = Starts(problem, seeds, cost.parameters, models, config.scatter)
+        self._engine = problem.engine(threads, engine, models)
+        self._observer = Observer(problem.task, problem.model)
+        self._anew = problem.policy.initial_memory()
+        self._action = 0  # number of the next action, the same of all episodes
+        task = problem.task
+        self._once = np.array([term.reduction == "any" for term in task.cost])
+        self._hold = max(1, round(task.success_hold / TICK))
+        self._rows = self._begin(config.count)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._engine.close()
+
+    @property
+    def inputs(self) -> int:
+        """Length of an observation."""
+        return self._observer.size
+
+    @property
+    def stand(self) -> np.ndarray:
+        """The action (n,) of a robot that stands and waits, normalised."""
+        actions = self._problem.task.actions
+        return actions.unit(actions.default)
+
+    @property
+    def base(self) -> np.ndarray:
+        """Which of the actions (n,) are velocities of the base, bool."""
+        return self._problem.task.actions.base
+
+    def observe(self) -> np.ndarray:
+        """Return the observations (B, size), float32."""
+        return self._observer(self._rows.states, self._cost.parameters)
+
+    def stagger(self) -> None:
+        """Let the first episodes end at different times, that not all are in the same phase."""
+        limit = round(self.config.time_limit * TICK_RATE)
+        self._rows.age = self._rng.integers(limit, size=self.config.count)
+
+    def step(self, actions: np.ndarray) -> Outcome:
+        """Follow normalised actions (B, n), clipped to [-1, 1], until the next ones are due."""
+        rows, config = self._rows, self.config
+        begin, end = (anchor_tick(self._action + k, config.rate) for k in (0, 1))
+        self._action = (self._action + 1) % config.rate  # a second has whole actions
+        space = self._problem.task.actions
+        steady = np.repeat(np.clip(actions, -1.0, 1.0)[:, None], end - begin, axis=1)  # (B, T, n)
+        physical = space.physical(steady)
+        rollouts = self._engine.rollout(
+            rows.states, rows.memory, space.to_command(physical), rows.models
+        )
+        named = self._problem.task.table.named(self._cost.parameters)
+        view = self._problem.layout.view(
+            *(rollouts.states, rollouts.targets, rollouts.positions, rollouts.rotations, physical),
+            named,
+        )
+        with np.errstate(invalid="ignore", over="ignore"):
+            cost, fell = self._judge(view)
+            held = self._held(self._problem.task.success(view), rollouts.valid)
+        fell |= ~rollouts.valid | ~np.isfinite(cost)
+        solved = (held >= self._hold) & ~fell
+        age = rows.age + end - begin
+        timed_out = (age >= config.time_limit * TICK_RATE) & ~solved & ~fell
+        rewards = self._rewards(cost, solved, fell)
+        self._rows = _Rows(rollouts.states[:, -1], rollouts.memory, rows.models, age, held, cost)
+        ended = solved | fell | timed_out
+        self._renew(ended)
+        return Outcome(self.observe(), rewards, ended, timed_out, solved, fell, cost)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs to go on as if nothing had been between."""
+        rows = {f.name: getattr(self._rows, f.name) for f in fields(_Rows)}
+        return {"rows": rows, "action": self._action, "rng": self._rng.bit_generator.state}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `state` returned in an environment that was made alike."""
+        self._rows, self._action = _Rows(**state["rows"]), state["action"]
+        self._rng.bit_generator.state = state["rng"]
+
+    def _judge(self, view: View) -> tuple[np.ndarray, np.ndarray]:
+        """Cost (B,) at the last tick of a view, and whether a term held that counts once."""
+        task, weights = self._problem.task, self._cost.weights
+        courses = [term.course(view) for term in task.cost]  # each (B, T)
+        once = [
+            course.any(axis=1)
+            for course, is_once in zip(courses, self._once, strict=True)
+            if is_once
+        ]
+        cost = np.zeros(len(courses[0]))
+        for course, weight, is_once in zip(courses, weights, self._once, strict=True):
+            if not is_once:
+                cost = cost + weight * course[:, -1]
+        return cost, np.logical_or.reduce(once) if once else np.zeros(len(cost), bool)
+
+    def _held(self, success: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Ticks for which success has held, (B,), after some more (B, T); it stays once solved."""
+        held = self._rows.held
+        for tick in range(success.shape[1]):
+            goes_on = (success[:, tick] & valid) | (held >= self._hold)
+            held = np.where(goes_on, held + 1, 0)
+        return held
+
+    def _rewards(self, cost: np.ndarray, solved: np.ndarray, fell: np.ndarray) -> np.ndarray:
+        """By how much the cost fell, (B,): to 0 if solved, and it rises by all that counts once."""
+        before = np.where(np.isnan(self._rows.cost), cost, self._rows.cost)
+        after = np.where(solved, 0.0, cost)
+        once = float(self._cost.weights[self._once].sum())
+        rewards = np.where(fell, -once, before - after)
+        return np.nan_to_num(rewards, nan=-once) / COST_UNIT
+
+    def _renew(self, ended: np.ndarray) -> None:
+        """Begin anew what has ended, (B,) bool."""
+        places = np.flatnonzero(ended)
+        anew = self._begin(len(places))
+        for f in fields(_Rows):
+            getattr(self._rows, f.name)[places] = getattr(anew, f.name)
+
+    def _begin(self, count: int) -> _Rows:
+        states, models = self._starts.draw(count, self._rng)
+        none = np.zeros(count, int)
+        memory = np.tile(self._anew, (count, 1))
+        return _Rows(states, memory, models, none, none.copy(), np.full(count, np.nan))

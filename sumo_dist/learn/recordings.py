@@ -1,0 +1,106 @@
+"""What recorded runs teach: where the robot was, and what the planner then decided."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sumo_dist.episode.config import EpisodeConfig
+from sumo_dist.episode.ending import End
+from sumo_dist.errors import UsageError
+from sumo_dist.math.splines import knot_times
+from sumo_dist.planner.learned import Contract
+from sumo_dist.planner.observation import Observer
+from sumo_dist.planner.problem import Problem, planning_options
+from sumo_dist.record.folders import RECORDING
+from sumo_dist.record.recording import Recording
+from sumo_dist.tasks import load_task
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Plans of some runs.
+
+    Attributes:
+        observations: (N, size) float32, of the states that the plans began with.
+        knots: (N, F, n) float32, of the plans from their start on.
+        runs: (N,) number of the run that each is of.
+        contract: what inputs and knots are; all runs agree in it.
+        tasks: names of the runs' tasks, and how many runs each has.
+    """
+
+    observations: np.ndarray
+    knots: np.ndarray
+    runs: np.ndarray
+    contract: Contract
+    tasks: dict[str, int]
+
+
+def find_recordings(paths: Iterable[Path]) -> list[Path]:
+    """Return the recordings among some files and in some folders, in order.
+
+    Raises:
+        UsageError: one of them has none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        here = [path] if path.is_file() else sorted(path.rglob(RECORDING))
+        if not here:
+            raise UsageError(f"no recording in {path}; `sumo-dist run` writes one as DIR/run.npz")
+        found += here
+    return found
+
+
+def gather(paths: Iterable[Path]) -> Examples:
+    """Read the plans of all runs that ended in success.
+
+    Raises:
+        UsageError: a file is no recording, no run succeeded, or two runs would need different
+            policies: other inputs, actions or times of knots.
+    """
+    problems: dict[str, Problem] = {}
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    tasks: dict[str, int] = {}
+    contract: Contract | None = None
+    for path in find_recordings(paths):
+        recording = Recording.load(path)
+        if recording.ending != End.SUCCESS or not len(recording.plan_ticks):
+            continue
+        config = EpisodeConfig.of(recording.config["episode"])
+        if config.task not in problems:
+            options = planning_options(config.planner)
+            problems[config.task] = Problem.build(load_task(config.task), options)
+        problem, planner = problems[config.task], config.planner
+        times = knot_times(planner.spline, planner.nodes, planner.horizon)
+        ahead = times >= 0.0
+        own = Contract.of(problem, tuple(times[ahead].tolist()), planner.rate, {})
+        if contract is not None and (name := contract.differing(own)):
+            raise UsageError(
+                f"{path}: its policy would differ from that of {', '.join(tasks)}, in "
+                f"{name.replace('_', ' ')}: {getattr(own, name)}, not {getattr(contract, name)}"
+            )
+        contract = own
+        parts.append(_plans(recording, problem, ahead))
+        tasks[problem.task.name] = tasks.get(problem.task.name, 0) + 1
+    if contract is None:
+        raise UsageError("none of these runs ended in success: there is nothing to learn from")
+    observations, knots = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    runs = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+    return Examples(observations, knots, runs, contract, tasks)
+
+
+def _plans(
+    recording: Recording, problem: Problem, ahead: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Observations (P, size) and knots (P, F, n) of a run's plans, those with `ahead` knots."""
+    ticks = np.asarray(recording.plan_ticks)
+    known = ticks < len(recording.estimates)  # the last may be of a tick that never came
+    states = np.asarray(recording.estimates)[ticks[known]]
+    observer = Observer(problem.task, problem.model)
+    sets, which = np.unique(np.asarray(recording.parameters)[known], axis=0, return_inverse=True)
+    observations = np.empty((len(states), observer.size), np.float32)
+    for number, parameters in enumerate(sets):
+        rows = which.reshape(-1) == number
+        observations[rows] = observer(states[rows], parameters)
+    return observations, np.asarray(recording.knots, np.float32)[known][:, ahead]

@@ -1,0 +1,101 @@
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sumo_dist.errors import UsageError
+from sumo_dist.learn.command import Options
+from sumo_dist.learn.environment import EnvironmentConfig
+from sumo_dist.model.variation import Spread
+from sumo_dist.planner.learned import LearnedPolicy
+
+torch = pytest.importorskip("torch", reason="needs the extra train")
+
+from sumo_dist.learn.ppo import PPOConfig  # noqa: E402
+from sumo_dist.learn.train import Request, Training  # noqa: E402
+
+REQUEST = Request(
+    "spot/move_box",
+    seed=3,
+    environment=EnvironmentConfig(
+        count=8, starts=4, models=2, spread=Spread(mass=0.5), time_limit=0.5
+    ),
+    ppo=PPOConfig(hidden=(16,), steps=4, epochs=2, batches=2),
+    weight=("fall=250",),
+)
+
+
+def train(folder, updates, threads=1, request=REQUEST):
+    accounts = []
+    with Training(folder, request, threads) as training:
+        training.run(updates, lambda number, account: accounts.append((number, account)))
+        return training.policy, accounts
+
+
+def assert_equal_bits(one, other):
+    for ours, theirs in zip(one.layers, other.layers, strict=True):
+        np.testing.assert_array_equal(ours.weight, theirs.weight)
+        np.testing.assert_array_equal(ours.bias, theirs.bias)
+
+
+def test_a_seed_trains_the_same_weights_on_any_number_of_threads_and_another_seed_others(tmp_path):
+    one, accounts = train(tmp_path / "one", 4)
+    two, _ = train(tmp_path / "two", 4, threads=2)
+    assert_equal_bits(one, two)
+    assert [number for number, _ in accounts] == [1, 2, 3, 4]
+    other, _ = train(tmp_path / "other", 4, request=replace(REQUEST, seed=4))
+    assert not np.array_equal(one.layers[0].weight, other.layers[0].weight)
+
+
+def test_a_training_goes_on_as_if_nothing_had_been_between(tmp_path):
+    whole, accounts = train(tmp_path / "whole", 5)
+    train(tmp_path / "parts", 2)
+    resumed, later = train(tmp_path / "parts", 5)
+    assert_equal_bits(whole, resumed)
+    assert later == accounts[2:]
+    rows = (tmp_path / "parts/progress.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["update", *"12345"]
+
+
+def test_the_policy_that_is_written_is_the_learners(tmp_path):
+    policy, _ = train(tmp_path / "run", 2)
+    read = LearnedPolicy.load(tmp_path / "run/policy.onnx")
+    assert_equal_bits(policy, read)
+    assert read.contract == policy.contract
+    assert read.contract.origin["actions"] == 2 * 8 * 4
+    assert read.contract.origin["trained"]["weight"] == ["fall=250"]
+
+
+def test_a_folder_keeps_its_training(tmp_path):
+    train(tmp_path, 1)
+    with pytest.raises(UsageError, match="holds another training"):
+        Training(tmp_path, replace(REQUEST, seed=9), 1)
+    with pytest.raises(UsageError, match="holds something else than a training"):
+        (tmp_path / "mine").mkdir()
+        (tmp_path / "mine/thesis.txt").write_text("all my work")
+        Training(tmp_path / "mine", REQUEST, 1)
+
+
+@pytest.mark.slow
+def test_a_training_that_is_killed_goes_on_to_the_same_weights(tmp_path):
+    options = Options(
+        task="spot/move_box", out=tmp_path / "killed", updates=30, envs=4, seed=5, threads=1
+    )
+    whole, _ = train(tmp_path / "whole", 30, request=options.request)
+    command = [sys.executable, "-m", "sumo_dist", "train", options.task, "--updates", "30"]
+    command += ["--envs", "4", "--threads", "1", "--seed", "5", "--out", str(options.out)]
+    killed = subprocess.Popen(command)
+    progress = options.out / "progress.csv"
+    began = time.monotonic()
+    while not (progress.exists() and len(progress.read_text().splitlines()) > 27):
+        assert time.monotonic() - began < 120
+        assert killed.poll() is None, "it ended before it was killed"
+        time.sleep(0.002)
+    killed.kill()
+    killed.wait()
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=150)
+    assert "has 25 updates; it goes on" in done.stdout + done.stderr
+    assert_equal_bits(whole, LearnedPolicy.load(options.out / "policy.onnx"))
