@@ -54,6 +54,7 @@ CONTENTS: dict[str, tuple[str, ...]] = {
         "docs/replay",
         "docs/guides/settings",
         "docs/tuning",
+        "docs/guides/learning",
         "docs/guides/keys",
         "docs/jobs",
         "docs/benchmark",

@@ -139,7 +139,8 @@ def cell(text: str) -> str:
 def planner() -> str:
     """Return the page of the planner's settings."""
     rows = "".join(
-        f"| `{name}` | `{value}` | {cell(SETTINGS[name].about)} | {cell(SETTINGS[name].valid)} |\n"
+        f"| `{name}` | {f'`{value}`' if value != '' else ''} "
+        f"| {cell(SETTINGS[name].about)} | {cell(SETTINGS[name].valid)} |\n"
         for name, value in dataclasses.asdict(PlannerConfig()).items()
     )
     others = f"Optimizers: {listed(OPTIMIZERS)}. Engines, by `--engine`: {listed(ENGINES)}.\n"

@@ -1,8 +1,9 @@
 """What the benches share: checks of their options, and one way to print what they measured."""
 
 import json
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sumo_dist.errors import UsageError
@@ -62,6 +63,28 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))} |"
         for line in lines
     )
+
+
+def spelled(command: str, options: Any, *positional: str) -> str:
+    """Return the command line that asks for the same options.
+
+    Args:
+        command: such as "bench suite".
+        options: a dataclass; what is as by default is left out.
+        positional: names of its fields that stand without their names.
+    """
+    words = ["sumo-dist", *command.split(), *(str(getattr(options, name)) for name in positional)]
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if field.name in positional or value == field.default:
+            continue
+        option = f"--{field.name.replace('_', '-')}"
+        if value is True:
+            words.append(option)
+            continue
+        for one in value if isinstance(value, tuple) else (value,):
+            words += [option, str(one)]
+    return shlex.join(words)
 
 
 def check_at_least(least: int, **options: int | None) -> None:

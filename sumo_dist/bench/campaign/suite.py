@@ -2,13 +2,14 @@
 
 import json
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from sumo_dist.bench.campaign.campaign import Campaign, Settings, make_folder
+from sumo_dist.bench.layout import spelled
 from sumo_dist.bench.results.journal import STANDING, Trial
 from sumo_dist.bench.results.outcomes import JOURNAL, RECORDINGS, REQUEST, Results
 from sumo_dist.bench.results.suites import SUITES, Suite
@@ -74,14 +75,7 @@ def main(options: Options) -> int:
 
 def command(options: Options) -> str:
     """Return the command line that asks for the same."""
-    words = ["sumo-dist", "bench", "suite", options.suite]
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if field.name == "suite" or value == field.default:
-            continue
-        for one in value if isinstance(value, tuple) else (value,):
-            words += [f"--{field.name.replace('_', '-')}", str(one)]
-    return shlex.join(words)
+    return spelled("bench suite", options, "suite")
 
 
 def _check_same_suite(out: Path, suite: Suite) -> None:

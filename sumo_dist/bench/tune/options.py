@@ -1,6 +1,5 @@
 """What `sumo-dist tune` is asked for."""
 
-import shlex
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,7 +8,7 @@ import tyro
 
 from sumo_dist.bench.campaign.campaign import TrialSettings
 from sumo_dist.bench.campaign.job import common_settings, task_settings
-from sumo_dist.bench.layout import check_at_least
+from sumo_dist.bench.layout import check_at_least, spelled
 from sumo_dist.bench.tune.space import Space
 from sumo_dist.errors import UsageError
 from sumo_dist.planner.ranges import Range
@@ -112,17 +111,7 @@ class Options(TrialSettings):
     @property
     def line(self) -> str:
         """The command line that asks for the same."""
-        words = ["sumo-dist", "tune", self.task]
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "task" or value == field.default:
-                continue
-            if value is True:
-                words.append(f"--{field.name}")
-                continue
-            for one in value if isinstance(value, tuple) else (value,):
-                words += [f"--{field.name.replace('_', '-')}", str(one)]
-        return shlex.join(words)
+        return spelled("tune", self, "task")
 
 
 def parse_seeds(name: str, text: str) -> list[int]:

@@ -1,29 +1,14 @@
 """The picture of searches: success, and the loss, against CPU hours. Needs the `tune` extra."""
 
-import io
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sumo_dist.bench.results.pictures import COLOURS, STYLE, svg
 from sumo_dist.bench.tune.report import HOUR, Found
 from sumo_dist.bench.tune.results import COMPLETE, RUNNING, Tried
-
-COLOURS = ("#2f6fb3", "#c4622d", "#3a8f5c", "#8a5fb0", "#a08a2c")
-STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text
-    "svg.hashsalt": "sumo-dist",  # equal results make equal files
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.grid": True,
-    "grid.color": "#dddddd",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
 
 
 def picture(searches: Sequence[Found]) -> str:
@@ -41,9 +26,7 @@ def picture(searches: Sequence[Found]) -> str:
             axes.set(xscale="log", xlabel="CPU time [h]")
         if len(searches) > 1:
             success.legend(loc="lower right")
-        file = io.StringIO()
-        figure.savefig(file, format="svg", metadata={"Date": None})
-        return file.getvalue()
+        return svg(figure)
 
 
 def _draw(
