@@ -21,7 +21,7 @@ from sumo_dist.provenance import provenance
 from sumo_dist.tasks import load_task
 
 REQUEST, PROGRESS, STATE, POLICY = "request.json", "progress.csv", "training.pt", "policy.onnx"
-KEEP_EVERY = 25  # updates between two times that the training is written down
+KEEP_EVERY = 10  # updates between two times that the training is written down
 
 
 @dataclass(frozen=True)
