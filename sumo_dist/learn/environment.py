@@ -132,11 +132,6 @@ class Environment:
         self._engine.close()
 
     @property
-    def inputs(self) -> int:
-        """Length of an observation."""
-        return self._observer.size
-
-    @property
     def stand(self) -> np.ndarray:
         """The action (n,) of a robot that stands and waits, normalised."""
         actions = self._problem.task.actions
