@@ -80,6 +80,7 @@ class Training:
         Raises:
             UsageError: the folder holds another training, or the request does not fit the task.
         """
+        _check(folder, request)
         torch.set_num_threads(1)  # sums over threads would depend on their number
         self._folder, self._request = folder, request
         task = load_task(request.task)
@@ -89,7 +90,8 @@ class Training:
         self._environment = Environment(
             *(self._problem, cost, request.environment, request.seed, threads, request.engine)
         )
-        _claim(folder, request)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / REQUEST).write_text(request.to_json())
         self._environment.stagger()
         self._learner = Learner(self._environment, request.ppo, request.seed)
         self._made_with = provenance()  # now: a checkout may change while this runs
@@ -174,19 +176,17 @@ class Training:
             table.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
-def _claim(folder: Path, request: Request) -> None:
-    """Make the folder this training's, or see that it is."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file, text = folder / REQUEST, request.to_json()
-    if not file.exists():
-        if any(folder.iterdir()):
-            raise UsageError(f"{folder} holds something else than a training; give another --out")
-        file.write_text(text)
-    elif file.read_text() != text:
-        raise UsageError(
-            f"{folder} holds another training, see its {REQUEST}; give the same options to go on "
-            "with it, or another --out"
-        )
+def _check(folder: Path, request: Request) -> None:
+    """See that a folder is this training's, or can be."""
+    file = folder / REQUEST
+    if file.exists():
+        if file.read_text() != request.to_json():
+            raise UsageError(
+                f"{folder} holds another training, see its {REQUEST}; give the same options to go "
+                "on with it, or another --out"
+            )
+    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(f"{folder} holds something else than a training; give another --out")
 
 
 def _tensors(state: Any) -> Any:
