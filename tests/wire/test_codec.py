@@ -1,4 +1,5 @@
 import hashlib
+import pickle
 import timeit
 import tracemalloc
 from dataclasses import asdict, fields, replace
@@ -380,10 +381,13 @@ def test_a_command_travels_whole():
 
 
 @pytest.mark.alone
-def test_a_request_costs_microseconds():
-    payload = encode(REQUEST)
-    encoding = min(timeit.repeat(lambda: encode(REQUEST), number=20, repeat=20)) / 20
-    decoding = (
-        min(timeit.repeat(lambda: decode(RolloutRequest, payload), number=20, repeat=20)) / 20
-    )
-    assert encoding + decoding < 150e-6  # a third of it where nothing else runs
+def test_a_request_costs_a_few_times_what_pickle_takes():
+    """Which checks nothing; both depend alike on the machine."""
+    payload, pickled = encode(REQUEST), pickle.dumps(REQUEST)
+
+    def best(call) -> float:
+        return min(timeit.repeat(call, number=20, repeat=20))
+
+    ours = best(lambda: encode(REQUEST)) + best(lambda: decode(RolloutRequest, payload))
+    theirs = best(lambda: pickle.dumps(REQUEST)) + best(lambda: pickle.loads(pickled))
+    assert ours < 5 * theirs  # 2.8 times, alone and under load

@@ -3,6 +3,7 @@
 import shutil
 import threading
 import time
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -82,10 +83,15 @@ def test_a_router_by_a_name_that_it_has_not_is_named(authority, secure, worker):
         open_client(endpoint, 5.0, worker)
 
 
-def test_a_router_whose_certificate_has_expired_is_named(authority, free_endpoint, worker):
+def test_a_router_whose_certificate_has_expired_is_named(
+    authority, free_endpoint, worker, eventually
+):
     authority.host("old", ["router"], [], 1e-9)
     folder = authority.folder("old", "router")
-    keys = KeyFolder(folder, read_certificate(folder / "cert.pem"))  # as one that runs on and on
+    certificate = read_certificate(folder / "cert.pem")
+    over = certificate.expires + timedelta(seconds=1)  # it holds through the second that it names
+    assert eventually(lambda: datetime.now(UTC) >= over, 2.0)
+    keys = KeyFolder(folder, certificate)  # as one that runs on and on
     endpoint = free_endpoint().replace("tcp/", "tls/")
     with (
         open_router(endpoint, keys=keys),
