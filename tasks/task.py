@@ -182,9 +182,7 @@ class Task:
 
     def goal_position(self, p: Parameters) -> np.ndarray | None:
         """Where the goal is, (3,) world [m]; None if there is none."""
-        if isinstance(self.goal, Goal):
-            return np.array([*np.atleast_1d(p.goal), self.goal.z])
-        return None if self.goal is None else np.array(self.goal)
+        return place_of(self.goal, p)
 
     def __str__(self) -> str:
         """Return the task's terms, parameters and planner settings."""
@@ -197,6 +195,13 @@ class Task:
             settings = ", ".join(f"{name}={value}" for name, value in self.planner.items())
             lines.append(f"planner         {settings}")
         return "\n".join(lines)
+
+
+def place_of(goal: Goal | tuple[float, ...] | None, p: Parameters) -> np.ndarray | None:
+    """Where a task's goal is under some parameters, (3,) world [m]; None if there is none."""
+    if isinstance(goal, Goal):
+        return np.array([*np.atleast_1d(p.goal), goal.z])
+    return None if goal is None else np.array(goal)
 
 
 def _line(parameter: Parameter) -> str:

@@ -114,6 +114,7 @@ class Joints(Mapping[str, Joint]):
 
 
 NO_JOINTS: Mapping[str, Joint] = {}
+NO_STATES = np.empty((0, 0, 0))
 
 
 class View:
@@ -125,6 +126,7 @@ class View:
         actions: (B, T, nu) physical actions.
         p: the task's parameters (`r.p.goal`).
         joints: hinges and slides by name (`r.joints["door/hinge"].pos`).
+        states: (B, T, nq + nv) of the model that is planned with, for what needs all of it.
     """
 
     def __init__(
@@ -133,12 +135,14 @@ class View:
         actions: np.ndarray,
         parameters: Parameters = NO_PARAMETERS,
         joints: Mapping[str, Joint] = NO_JOINTS,
+        states: np.ndarray = NO_STATES,
     ) -> None:
-        """Hold frames by name, actions, parameters and joints."""
+        """Hold frames by name, actions, parameters, joints and states."""
         self._frames = frames
         self.actions = actions
         self.p = parameters
         self.joints = joints
+        self.states = states
 
     def __getitem__(self, name: str) -> Frame:
         """Return the frame of that name, or say which names there are."""
@@ -184,9 +188,8 @@ class ViewLayout:
         for i, name in enumerate(self.names):
             velocity = states[..., self._velocity[name]] if name in self._velocity else None
             frames[name] = Frame(name, positions[:, :, i], rotations[:, :, i], velocity)
-        return View(
-            frames, actions, parameters, Joints(states, targets, self._joints, self._servos)
-        )
+        joints = Joints(states, targets, self._joints, self._servos)
+        return View(frames, actions, parameters, joints, states)
 
     def at(self, data: mujoco.MjData, nu: int = 0, parameters: Parameters = NO_PARAMETERS) -> View:
         """Name the arrays of a simulation's present: one rollout of one step, all nu actions 0.

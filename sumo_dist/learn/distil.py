@@ -1,4 +1,4 @@
-"""Distillation: a network that says at once about what the planner would search for."""
+"""Distillation: networks that say at once about what the planner would search for, and find."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +12,8 @@ from torch import nn  # pyright: ignore[reportMissingImports]
 from sumo_dist.errors import UsageError
 from sumo_dist.learn.layers import layers_of
 from sumo_dist.learn.recordings import Examples
-from sumo_dist.planner.learned import LearnedPolicy
+from sumo_dist.planner.learned import LearnedPolicy, LearnedValue
+from sumo_dist.policies.network import Layer
 
 LEAST_DEVIATION = 1e-2  # of an input that hardly varies, so that it is not blown up
 
@@ -44,16 +45,28 @@ class Fit:
     """What came of it.
 
     Attributes:
-        policy: of the best epoch.
+        layers: of the network of the best epoch.
         epoch: which that was.
-        error: mean squared error of its knots on held-out runs, in normalised actions.
-        spread: variance of those knots: the error of a network that knows only their mean.
+        error: mean squared error of its outputs on held-out runs.
+        spread: variance of what was to be learnt there: the error of a network that knows only the
+            mean.
     """
 
-    policy: LearnedPolicy
+    layers: tuple[Layer, ...]
     epoch: int
     error: float
     spread: float
+
+    def __str__(self) -> str:
+        """For people."""
+        return (
+            f"best epoch {self.epoch}: held-out error {self.error:.4f} of a variance "
+            f"{self.spread:.4f}"
+        )
+
+
+OnEpoch = Callable[[int, float], None]
+"""Is told each epoch's number and held-out error."""
 
 
 def distil(
@@ -61,49 +74,71 @@ def distil(
     config: DistilConfig,
     seed: int,
     origin: Mapping[str, Any],
-    on_epoch: Callable[[int, float], None] = lambda _epoch, _error: None,
-) -> Fit:
-    """Fit a network to plans; equal arguments give equal bits.
+    on_epoch: OnEpoch = lambda _epoch, _error: None,
+) -> tuple[LearnedPolicy, Fit]:
+    """Fit a policy to plans; equal arguments give equal bits.
 
     Args:
         examples: what it learns from.
         config: settings of the fit.
         seed: of weights, order and held-out runs.
         origin: how the policy was made, for its contract.
-        on_epoch: is told each epoch's number and held-out error.
+        on_epoch: is told how it goes.
 
     Raises:
         UsageError: there is only one plan.
     """
-    if len(examples.knots) < 2:
+    knots = examples.knots.reshape(len(examples.knots), -1)
+    fit = _fit(examples, knots, config, seed, on_epoch)
+    return LearnedPolicy(replace(examples.contract, origin=origin), fit.layers), fit
+
+
+def distil_value(
+    examples: Examples,
+    config: DistilConfig,
+    seed: int,
+    origin: Mapping[str, Any],
+    on_epoch: OnEpoch = lambda _epoch, _error: None,
+) -> tuple[LearnedValue, Fit]:
+    """Fit a value to the cost that was to come; arguments and errors as of `distil`."""
+    fit = _fit(examples, examples.to_come[:, None], config, seed, on_epoch)
+    return LearnedValue(replace(examples.contract, times=(), origin=origin), fit.layers), fit
+
+
+def _fit(
+    examples: Examples, labels: np.ndarray, config: DistilConfig, seed: int, on_epoch: OnEpoch
+) -> Fit:
+    """Fit a network to labels (N, outputs) of the examples."""
+    if len(labels) < 2:
         raise UsageError("a single plan is nothing to learn from: give more runs, or longer ones")
     torch.set_num_threads(1)  # sums over threads would depend on their number
     torch.manual_seed(seed)
     held_out = _held_out(examples.runs, config.held_out, np.random.default_rng(seed))
-    flat = examples.knots.reshape(len(examples.knots), -1)
     learnt, tested = (
-        (torch.from_numpy(examples.observations[rows]), torch.from_numpy(flat[rows]))
+        (torch.from_numpy(examples.observations[rows]), torch.from_numpy(labels[rows]))
         for rows in (~held_out, held_out)
     )
     mean, deviation = learnt[0].mean(0), learnt[0].std(0).clamp(min=LEAST_DEVIATION)
-    network = _network(flat.shape[1], learnt[0].shape[1], config.hidden, learnt[1].mean(0))
+    shift, scale = learnt[1].mean(0), learnt[1].std().clamp(min=LEAST_DEVIATION)
+    network = _network(labels.shape[1], learnt[0].shape[1], config.hidden)
     adam = torch.optim.Adam(network.parameters(), config.learning_rate)
-    best, best_epoch, layers = np.inf, 0, layers_of(network, mean, deviation)
+    best = Fit((), 0, np.inf, float(labels[held_out].var(axis=0).mean()))
     for epoch in range(1, config.epochs + 1):
         for rows in torch.randperm(len(learnt[0])).split(config.batch):
             inputs = (learnt[0][rows] - mean) / deviation
             inputs = inputs + config.noise * torch.randn_like(inputs)
             adam.zero_grad()
-            nn.functional.mse_loss(network(inputs), learnt[1][rows]).backward()
+            wanted = (learnt[1][rows] - shift) / scale
+            nn.functional.mse_loss(network(inputs), wanted).backward()
             adam.step()
         with torch.inference_mode():
-            found = network((tested[0] - mean) / deviation)
+            found = network((tested[0] - mean) / deviation) * scale + shift
             error = nn.functional.mse_loss(found, tested[1]).item()
         on_epoch(epoch, error)
-        if error < best:
-            best, best_epoch, layers = error, epoch, layers_of(network, mean, deviation)
-    policy = LearnedPolicy(replace(examples.contract, origin=origin), layers)
-    return Fit(policy, best_epoch, best, float(tested[1].numpy().var(axis=0).mean()))
+        if error < best.error:
+            layers = layers_of(network, mean, deviation, scale, shift)
+            best = replace(best, layers=layers, epoch=epoch, error=error)
+    return best
 
 
 def _held_out(runs: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
@@ -115,15 +150,8 @@ def _held_out(runs: np.ndarray, share: float, rng: np.random.Generator) -> np.nd
     return np.isin(runs, chosen)
 
 
-def _network(
-    outputs: int, inputs: int, hidden: tuple[int, ...], mean: torch.Tensor
-) -> nn.Sequential:
-    """Build a network that begins by returning a mean (outputs,)."""
+def _network(outputs: int, inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
     sizes, modules = (inputs, *hidden), list[nn.Module]()
     for before, after in pairwise(sizes):
         modules += [nn.Linear(before, after), nn.ELU()]
-    last = nn.Linear(sizes[-1], outputs)
-    with torch.no_grad():
-        last.weight.mul_(0.1)
-        last.bias.copy_(mean)
-    return nn.Sequential(*modules, last)
+    return nn.Sequential(*modules, nn.Linear(sizes[-1], outputs))

@@ -117,6 +117,7 @@ class Environment:
         seeds = range(seed, seed + config.starts)
         self._starts = Starts(problem, seeds, cost.parameters, models, config.scatter)
         self._engine = problem.engine(threads, engine, models)
+        self._parameters = problem.task.table.named(cost.parameters)
         self._observer = Observer(problem.task, problem.model)
         self._anew = problem.policy.initial_memory()
         self._action = 0  # number of the next action, the same of all episodes
@@ -144,7 +145,7 @@ class Environment:
 
     def observe(self) -> np.ndarray:
         """Return the observations (B, size), float32."""
-        return self._observer(self._rows.states, self._cost.parameters)
+        return self._observer(self._rows.states, self._parameters)
 
     def stagger(self) -> None:
         """Let the first episodes end at different times, that not all are in the same phase."""
@@ -162,10 +163,9 @@ class Environment:
         rollouts = self._engine.rollout(
             rows.states, rows.memory, space.to_command(physical), rows.models
         )
-        named = self._problem.task.table.named(self._cost.parameters)
         view = self._problem.layout.view(
             *(rollouts.states, rollouts.targets, rollouts.positions, rollouts.rotations, physical),
-            named,
+            self._parameters,
         )
         with np.errstate(invalid="ignore", over="ignore"):
             cost, fell = self._judge(view)

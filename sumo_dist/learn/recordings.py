@@ -1,5 +1,6 @@
 """What recorded runs teach: where the robot was, and what the planner then decided."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,15 @@ from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.ending import End
 from sumo_dist.errors import UsageError
 from sumo_dist.math.splines import knot_times
+from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.learned import Contract
 from sumo_dist.planner.observation import Observer
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.folders import RECORDING
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
+
+FORESIGHT = 4.0  # of values [s]: some horizons, and less than most runs take
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,7 @@ class Examples:
     Attributes:
         observations: (N, size) float32, of the states that the plans began with.
         knots: (N, F, n) float32, of the plans from their start on.
+        to_come: (N,) float32, the cost that was to come, see `cost_to_come`.
         runs: (N,) number of the run that each is of.
         contract: what inputs and knots are; all runs agree in it.
         tasks: names of the runs' tasks, and how many runs each has.
@@ -32,6 +37,7 @@ class Examples:
 
     observations: np.ndarray
     knots: np.ndarray
+    to_come: np.ndarray
     runs: np.ndarray
     contract: Contract
     tasks: dict[str, int]
@@ -60,7 +66,7 @@ def gather(paths: Iterable[Path]) -> Examples:
             policies: other inputs, actions or times of knots.
     """
     problems: dict[str, Problem] = {}
-    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     tasks: dict[str, int] = {}
     contract: Contract | None = None
     for path in find_recordings(paths):
@@ -81,26 +87,46 @@ def gather(paths: Iterable[Path]) -> Examples:
                 f"{name.replace('_', ' ')}: {getattr(own, name)}, not {getattr(contract, name)}"
             )
         contract = own
-        parts.append(_plans(recording, problem, ahead))
+        parts.append(_plans(recording, problem, planner, ahead))
         tasks[problem.task.name] = tasks.get(problem.task.name, 0) + 1
     if contract is None:
         raise UsageError("none of these runs ended in success: there is nothing to learn from")
-    observations, knots = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    observations, knots, costs = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     runs = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    return Examples(observations, knots, runs, contract, tasks)
+    return Examples(observations, knots, costs, runs, contract, tasks)
+
+
+def cost_to_come(costs: np.ndarray, horizon: float, rate: int) -> np.ndarray:
+    """Return the mean cost from each plan on, what comes sooner counting more, (P,).
+
+    A plan's cost is a mean over its horizon, so from horizon to horizon they make up that of the
+    way as it was planned. The weight falls by e in `FORESIGHT`, and after a success nothing costs.
+
+    Args:
+        costs: (P,) of the best candidate of each plan of a run that succeeded.
+        horizon: of the plans [s].
+        rate: plans per second of robot time [Hz].
+    """
+    apart, kept = max(1, round(horizon * rate)), math.exp(-horizon / FORESIGHT)
+    to_come = np.zeros(len(costs) + apart)
+    for plan in reversed(range(len(costs))):
+        to_come[plan] = (1.0 - kept) * costs[plan] + kept * to_come[plan + apart]
+    return to_come[: len(costs)].astype(np.float32)
 
 
 def _plans(
-    recording: Recording, problem: Problem, ahead: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Observations (P, size) and knots (P, F, n) of a run's plans, those with `ahead` knots."""
+    recording: Recording, problem: Problem, planner: PlannerConfig, ahead: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Observations (P, size), knots (P, F, n) and cost to come (P,) of those with `ahead` knots."""
     ticks = np.asarray(recording.plan_ticks)
-    known = ticks < len(recording.estimates)  # the last may be of a tick that never came
+    least = np.asarray(recording.costs).min(axis=1)  # infinite where all candidates were lost
+    known = (ticks < len(recording.estimates)) & np.isfinite(least)  # the last tick may lack
     states = np.asarray(recording.estimates)[ticks[known]]
     observer = Observer(problem.task, problem.model)
     sets, which = np.unique(np.asarray(recording.parameters)[known], axis=0, return_inverse=True)
     observations = np.empty((len(states), observer.size), np.float32)
     for number, parameters in enumerate(sets):
         rows = which.reshape(-1) == number
-        observations[rows] = observer(states[rows], parameters)
-    return observations, np.asarray(recording.knots, np.float32)[known][:, ahead]
+        observations[rows] = observer(states[rows], problem.task.table.named(parameters))
+    knots = np.asarray(recording.knots, np.float32)[known][:, ahead]
+    return observations, knots, cost_to_come(least[known], planner.horizon, planner.rate)

@@ -51,6 +51,7 @@ class LearnedGuide:
         """
         self._policy = LearnedPolicy.load(Path(config.policy))
         self._policy.contract.check(problem)
+        self._named = problem.task.table.named
         self._observe = Observer(problem.task, problem.model)
         times = splines.knot_times(config.spline, config.nodes, config.horizon)
         self._times = times[times >= 0.0]
@@ -58,7 +59,7 @@ class LearnedGuide:
     def __call__(self, state: np.ndarray, parameters: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """Knots (F, n) on the lines between the policy's; before and after these it holds them."""
         del mean
-        (knots,) = self._policy(self._observe(state[None], parameters))
+        (knots,) = self._policy(self._observe(state[None], self._named(parameters)))
         times = self._policy.contract.times
         return np.stack([np.interp(self._times, times, column) for column in knots.T], axis=1)
 

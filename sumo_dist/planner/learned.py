@@ -1,4 +1,4 @@
-"""A learned policy over the planner's actions: its file, its contract, and how it drives alone.
+"""Learned policies and values: their files, their contracts, and how a policy drives alone.
 
 The file is ONNX, read by the same code as the low-level policies: no torch is needed to run it.
 """
@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from onnx import ModelProto, TensorProto, helper, numpy_helper, save_model
@@ -33,7 +33,8 @@ class Contract:
         inputs: name and length of each part of its inputs, see `Observer`.
         actions: names of the dimensions that it decides.
         lower, upper: their limits.
-        times: (F,) of the knots that it returns, from now on [s]; one that drives alone has (0,).
+        times: (F,) of the knots that it returns, from now on [s]; one that drives alone has (0,),
+            a value of states has none.
         rate: plans per second of robot time for which it was made [Hz].
         origin: how it was made: task, command, seed, steps; for people.
     """
@@ -104,40 +105,37 @@ class Contract:
 
 
 @dataclass(frozen=True, eq=False)  # weights have no cheap equality
-class LearnedPolicy:
-    """A network from observations to knots of normalised actions.
+class LearnedNetwork:
+    """A network over observations, in a file with its contract.
 
     Attributes:
         contract: what it was made for.
-        layers: of the network; its outputs are F knots of n actions each.
+        layers: of the network.
     """
 
     contract: Contract
     layers: tuple[Layer, ...]
-
-    def __call__(self, observations: np.ndarray) -> np.ndarray:
-        """Return knots (B, F, n) in [-1, 1] for observations (B, size) float32."""
-        knots = evaluate(self.layers, observations.astype(np.float32))
-        shape = len(self.contract.times), len(self.contract.actions)
-        return np.clip(knots, -1.0, 1.0).reshape(-1, *shape).astype(float)
+    _kind: ClassVar[str]
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a policy's file.
+        """Read a file.
 
         Raises:
-            PolicyError: there is no such file, it holds no learned policy, or another network than
-                its contract says.
+            PolicyError: there is no such file, it holds nothing that was learnt or the other kind,
+                or another network than its contract says.
         """
         contract = read_contract(path)
-        outputs = len(contract.times) * len(contract.actions)
+        outputs = cls._outputs(contract)
+        if not outputs:
+            raise PolicyError(f"{path} holds no {cls._kind}")
         try:
             return cls(contract, read_mlp(path, sum(contract.inputs.values()), outputs))
         except SumoError as error:
             raise PolicyError(str(error)) from None
 
     def save(self, path: Path) -> None:
-        """Write the policy to a file; one that is there is replaced at once or not at all."""
+        """Write it to a file; one that is there is replaced at once or not at all."""
         unfinished = path.with_name(f".{path.name}.unfinished")
         save_model(self._model(), unfinished)
         unfinished.replace(path)
@@ -158,12 +156,48 @@ class LearnedPolicy:
             helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size])
             for name, size in zip(("observation", value), sizes, strict=True)
         ]
-        graph = helper.make_graph(nodes, "learned_policy", ends[:1], ends[1:], arrays)
+        graph = helper.make_graph(nodes, "learned", ends[:1], ends[1:], arrays)
         model = helper.make_model(
             graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION
         )
         helper.set_model_props(model, {KEY: self.contract.to_json()})
         return model
+
+    @classmethod
+    def _outputs(cls, contract: Contract) -> int:
+        """Number of outputs that a contract asks for; 0 if it is one of another kind of network."""
+        raise NotImplementedError
+
+
+class LearnedPolicy(LearnedNetwork):
+    """A network from observations to knots of normalised actions: F knots of n actions each."""
+
+    _kind = "policy"
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        """Return knots (B, F, n) in [-1, 1] for observations (B, size) float32."""
+        knots = evaluate(self.layers, observations.astype(np.float32))
+        shape = len(self.contract.times), len(self.contract.actions)
+        return np.clip(knots, -1.0, 1.0).reshape(-1, *shape).astype(float)
+
+    @classmethod
+    def _outputs(cls, contract: Contract) -> int:
+        return len(contract.times) * len(contract.actions)
+
+
+class LearnedValue(LearnedNetwork):
+    """A network from observations to the cost that is to come; its contract has no knots."""
+
+    _kind = "value of states"
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        """Return costs (B,), not negative, for observations (B, size) float32."""
+        costs = evaluate(self.layers, observations.astype(np.float32))
+        return np.maximum(costs[:, 0], 0.0).astype(float)
+
+    @classmethod
+    def _outputs(cls, contract: Contract) -> int:
+        return 0 if contract.times else 1
 
 
 def read_contract(path: Path) -> Contract:

@@ -5,13 +5,15 @@ that has learnt to push north can push east. It sees no shapes, masses or fricti
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import mujoco
 import numpy as np
 
+from sumo_dist.costs.parameters import Parameters
 from sumo_dist.math.rotations import rotate
 from sumo_dist.model.index import StateIndex
-from sumo_dist.tasks.task import Task
+from sumo_dist.tasks.task import Task, place_of
 
 Turn = Callable[[np.ndarray], np.ndarray]
 """World vectors (B, 3) -> the same in the heading frame."""
@@ -30,7 +32,8 @@ class Observer:
     def __init__(self, task: Task, model: mujoco.MjModel) -> None:
         """Find robot, objects and goal in the states of a compiled model."""
         index, robot = StateIndex(model), task.scene.robot
-        self._task, self._index, self._base = task, index, robot.base
+        self._index, self._base = index, robot.base
+        self._goal_object, self._goal_place = task.goal_object, partial(place_of, task.goal)
         self._joints, self._speeds = index.joints(robot.joints)
         self._stand = np.array(robot.stand)
         self._objects = tuple(b for b in index.free_bodies if b != robot.base)
@@ -52,12 +55,12 @@ class Observer:
         """Number of inputs."""
         return sum(self.parts.values())
 
-    def __call__(self, states: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    def __call__(self, states: np.ndarray, parameters: Parameters) -> np.ndarray:
         """Return the inputs (B, size), float32, of states (B, nq + nv).
 
         Args:
             states: of the model.
-            parameters: (n,) of the task.
+            parameters: the task's.
         """
         pose, velocity = states[:, self._index.pose(self._base)], self._velocity(states, self._base)
         position, quat = pose[:, :3], pose[:, 3:]
@@ -87,12 +90,12 @@ class Observer:
     def _velocity(self, states: np.ndarray, body: str) -> np.ndarray:
         return states[:, self._index.velocity(body)]
 
-    def _goal(self, states: np.ndarray, parameters: np.ndarray, seen: Turn) -> np.ndarray:
+    def _goal(self, states: np.ndarray, parameters: Parameters, seen: Turn) -> np.ndarray:
         """Way of the object to its goal in the heading frame, and 1; zeros where it has none."""
         if self._goal_point is None:
             return np.zeros((len(states), 4))
-        goal = self._task.goal_position(self._task.table.named(parameters))
-        pose = states[:, self._index.pose(self._task.goal_object)]
+        goal = self._goal_place(parameters)
+        pose = states[:, self._index.pose(self._goal_object)]
         point = pose[:, :3] + rotate(pose[:, 3:], self._goal_point)
         return np.concatenate([seen(goal - point), np.ones((len(states), 1))], axis=1)
 

@@ -108,7 +108,8 @@ def test_a_learned_policy_drives_in_place_of_the_planner(
     assert (settings["policy"], settings["rollouts"]) == (str(policy_file), 1)
     task = load_task("spot/move_box")
     model = Problem.build(task, planning_options(PlannerConfig())).model
-    seen = Observer(task, model)(np.array(recording.estimates), task.table.defaults.parameters)
+    parameters = task.table.named(task.table.defaults.parameters)
+    seen = Observer(task, model)(np.array(recording.estimates), parameters)
     decided = drawn_policy("spot/move_box", seed=1)(seen)[recording.plan_ticks]  # (P, 1, n)
     assert np.array_equal(recording.knots, decided.astype(np.float32))
 

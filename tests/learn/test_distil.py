@@ -1,18 +1,19 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sumo_dist.errors import UsageError
 from sumo_dist.learn.recordings import Examples, gather
-from sumo_dist.planner.learned import Contract, LearnedPolicy
+from sumo_dist.planner.learned import Contract, LearnedPolicy, LearnedValue
 
 torch = pytest.importorskip("torch", reason="needs the extra train")
 
-from sumo_dist.learn.distil import DistilConfig, distil  # noqa: E402
+from sumo_dist.learn.distil import DistilConfig, distil, distil_value  # noqa: E402
 from sumo_dist.learn.distil_command import Options, main  # noqa: E402
 
-QUICK = DistilConfig(hidden=(32,), epochs=30)
+QUICK = DistilConfig(hidden=(32,), epochs=60)
 
 
 @pytest.fixture(scope="module")
@@ -23,27 +24,39 @@ def examples(problem):
     size, n = sum(contract.inputs.values()), len(contract.actions)
     observations = rng.normal(size=(400, size)).astype(np.float32)
     knots = 0.5 * np.tanh(observations[:, :1, None]) * np.ones((2, n), np.float32)
-    return Examples(observations, knots, np.repeat(np.arange(10), 40), contract, {"a": 10})
+    runs, costs = np.repeat(np.arange(10), 40), 50.0 + 20.0 * np.tanh(observations[:, 1])
+    return Examples(observations, knots, costs, runs, contract, {"a": 10})
 
 
 def test_a_network_learns_what_decides_plans(examples):
     errors = []
-    fit = distil(examples, QUICK, 1, {"made": "here"}, lambda _epoch, error: errors.append(error))
+    policy, fit = distil(
+        examples, QUICK, 1, {"made": "here"}, lambda _epoch, error: errors.append(error)
+    )
     assert fit.error < 0.5 * fit.spread
     assert fit.error == min(errors) == errors[fit.epoch - 1]
-    assert fit.policy.contract == replace(examples.contract, origin={"made": "here"})
+    assert policy.contract == replace(examples.contract, origin={"made": "here"})
+
+
+def test_a_value_learns_what_decides_costs(examples, tmp_path):
+    value, fit = distil_value(examples, QUICK, 1, {"made": "here"})
+    assert fit.error < 0.5 * fit.spread
+    value.save(tmp_path / "value.onnx")
+    found = LearnedValue.load(tmp_path / "value.onnx")(examples.observations)
+    assert np.mean((found - examples.to_come) ** 2) < 0.5 * examples.to_come.var()
 
 
 def test_what_is_kept_is_the_best_epoch(examples):
-    fit = distil(examples, QUICK, 1, {})
-    again = distil(examples, replace(QUICK, epochs=fit.epoch), 1, {})
-    for ours, theirs in zip(fit.policy.layers, again.policy.layers, strict=True):
+    policy, fit = distil(examples, QUICK, 1, {})
+    again, _ = distil(examples, replace(QUICK, epochs=fit.epoch), 1, {})
+    for ours, theirs in zip(policy.layers, again.layers, strict=True):
         np.testing.assert_array_equal(ours.weight, theirs.weight)
 
 
 def test_a_single_plan_is_refused(examples):
     one = replace(
-        examples, **{n: getattr(examples, n)[:1] for n in ("observations", "knots", "runs")}
+        examples,
+        **{n: getattr(examples, n)[:1] for n in ("observations", "knots", "to_come", "runs")},
     )
     with pytest.raises(UsageError, match="a single plan"):
         distil(one, QUICK, 1, {})
@@ -55,24 +68,29 @@ def test_whole_runs_are_held_out(examples):
     labels = rng.normal(size=(10, *examples.knots.shape[1:])).astype(np.float32) * 0.3
     marked = examples.observations.copy()
     marked[:, 0] = examples.runs
-    fit = distil(replace(examples, observations=marked, knots=labels[examples.runs]), QUICK, 1, {})
+    _, fit = distil(
+        replace(examples, observations=marked, knots=labels[examples.runs]), QUICK, 1, {}
+    )
     assert fit.error > 0.01
 
 
 def test_the_command_makes_a_policy_of_recordings(recorded, tmp_path, capsys):
     out = tmp_path / "deep/proposal.onnx"
-    assert main(Options(runs=(recorded.parent,), out=out, epochs=2)) == 0
+    ahead = tmp_path / "value.onnx"
+    assert main(Options(runs=(recorded.parent,), out=out, value=ahead, epochs=2)) == 0
     policy, examples = LearnedPolicy.load(out), gather([recorded])
     assert policy.contract.origin["distilled"] == {"spot/move_box": 1}
     found = policy(examples.observations)
     assert found.shape == examples.knots.shape
+    assert LearnedValue.load(ahead)(examples.observations).shape == examples.to_come.shape
     assert "held-out error" in "".join(capsys.readouterr())
 
 
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
-        ({"out": "policy.pt"}, r"must end in \.onnx"),
+        ({"out": "policy.pt"}, r"--out must end in \.onnx"),
+        ({"value": Path("value.pt")}, r"--value must end in \.onnx"),
         ({"epochs": 0}, "from 1 to 10000"),
         ({"seed": -1}, "from 0 to"),
     ],

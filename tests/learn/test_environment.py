@@ -21,7 +21,7 @@ def follow(environment, actions):
 
 def test_actions_are_held_as_a_plan_is_followed(begin, problem):
     environment = begin(count=3)
-    parameters = problem.task.table.defaults.parameters
+    parameters = problem.task.table.named(problem.task.table.defaults.parameters)
     before = environment.state()["rows"]["states"].copy()
     action = pushes(environment, 1)[0]
     outcomes = [environment.step(action) for _ in range(2)]  # of 2 and 3 ticks at 20 Hz

@@ -4,18 +4,19 @@ import pytest
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.errors import UsageError
-from sumo_dist.learn.recordings import find_recordings, gather
+from sumo_dist.learn.recordings import FORESIGHT, cost_to_come, find_recordings, gather
 from sumo_dist.math.splines import knot_times
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.observation import Observer
 from sumo_dist.record.recording import Recording
+from sumo_dist.record.rows import Rows
 
 
 def test_examples_are_what_the_planner_saw_and_decided(recorded, problem):
     examples, recording = gather([recorded]), Recording.load(recorded)
     ticks = np.asarray(recording.plan_ticks)
     assert len(examples.observations) == len(ticks)
-    parameters = problem.task.table.defaults.parameters
+    parameters = problem.task.table.named(problem.task.table.defaults.parameters)
     observer = Observer(problem.task, problem.model)
     seen = observer(np.asarray(recording.estimates)[ticks], parameters)
     np.testing.assert_array_equal(examples.observations, seen)
@@ -51,3 +52,26 @@ def test_runs_that_need_different_policies_are_refused(recorded, tmp_path):
 def test_a_place_without_recordings_is_named(tmp_path, recorded):
     with pytest.raises(UsageError, match=f"no recording in {tmp_path}"):
         find_recordings([recorded, tmp_path])
+
+
+def test_the_cost_to_come_is_that_of_the_plans_from_horizon_to_horizon():
+    costs = np.array([8.0, 6.0, 4.0, 2.0])  # at 2 plans a second, each for a second
+    kept = np.exp(-1.0 / FORESIGHT)
+    now = 1.0 - kept
+    wanted = [now * (8.0 + kept * 4.0), now * (6.0 + kept * 2.0), now * 4.0, now * 2.0]
+    np.testing.assert_allclose(cost_to_come(costs, 1.0, 2), wanted, rtol=1e-6)
+
+
+def test_a_cost_that_stays_is_about_the_cost_to_come():
+    assert cost_to_come(np.full(2000, 30.0), 1.0, 20)[0] == pytest.approx(30.0, rel=1e-3)
+
+
+def test_plans_whose_candidates_were_all_lost_are_left_out(recorded, tmp_path):
+    lossy = Recording.load(recorded)
+    costs, lossy.costs = np.array(lossy.costs), Rows()
+    for plan, row in enumerate(costs):
+        lossy.costs.append(np.full_like(row, np.inf) if plan == 2 else row)
+    lossy.save(tmp_path / "run.npz")
+    found, whole = gather([tmp_path]), gather([recorded])
+    assert len(found.knots) == len(whole.knots) - 1
+    assert np.isfinite(found.to_come).all()

@@ -170,7 +170,7 @@ def test_a_learned_policy_proposes_at_the_knots_of_the_plan(state, move_box, lea
     guide, there = make_guide(problem, config), parameters(move_box, 3.0)
     assert isinstance(guide, LearnedGuide)
     knots = guide(state, there, np.empty(0))
-    (own,) = policy(Observer(move_box, problem.model)(state[None], there))
+    (own,) = policy(Observer(move_box, problem.model)(state[None], move_box.table.named(there)))
     if spline == "smooth":  # at 0, 0.5, 1 and 1.5 s
         assert np.array_equal(knots, own[[0, 1, 2, 2]])
     else:  # 0.375 s apart

@@ -18,6 +18,10 @@ def observed(task):
     return problem.task, problem.model, Observer(problem.task, problem.model)
 
 
+def usual(task):
+    return task.table.named(task.table.defaults.parameters)
+
+
 @pytest.fixture(scope="module")
 def move():
     task, model, observe = observed("spot/move_box")
@@ -54,7 +58,8 @@ def test_a_scene_looks_the_same_wherever_it_lies(move, angle):
 
     def seen(state, goal):
         text = f"goal={float(goal[0])!r},{float(goal[1])!r}"
-        return observe(state[None], task.table.adjusted([], [text]).parameters)[0]
+        parameters = task.table.adjusted([], [text]).parameters
+        return observe(state[None], task.table.named(parameters))[0]
 
     before = seen(state, goal)
     assert np.abs(before[-4:-2]).max() > 0.1
@@ -65,20 +70,19 @@ def test_a_scene_looks_the_same_wherever_it_lies(move, angle):
 def test_a_row_does_not_depend_on_the_others(move):
     task, index, observe = move
     states = np.stack([moving(task, index, seed) for seed in range(5)])
-    parameters = task.table.defaults.parameters
-    together = observe(states, parameters)
+    together = observe(states, usual(task))
     assert (together.dtype, together.shape) == (np.float32, (5, observe.size))
     for state, row in zip(states, together, strict=True):
-        assert np.array_equal(observe(state[None], parameters)[0], row)
+        assert np.array_equal(observe(state[None], usual(task))[0], row)
 
 
 def test_what_has_no_goal_sees_none(move):
     task, _, observe = observed("spot/upright_box")
     assert observe.parts == move[2].parts  # so the same policy can do both
-    row = observe(draw_start(task, 1)[None], task.table.defaults.parameters)[0]
+    row = observe(draw_start(task, 1)[None], usual(task))[0]
     assert np.array_equal(row[-4:], np.zeros(4))
     task, _, observe = move
-    row = observe(draw_start(task, 1)[None], task.table.defaults.parameters)[0]
+    row = observe(draw_start(task, 1)[None], usual(task))[0]
     assert row[-1] == 1.0
 
 

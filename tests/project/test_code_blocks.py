@@ -29,6 +29,7 @@ TEXTS = ("", "text", "markdown", "{eval-rst}")  # output, drawings, what only th
 SHOWN_ELSEWHERE = {  # their Python is run there
     "README.md": "tests/project/test_library.py",
     "docs/library.md": "tests/project/test_library.py",
+    "docs/guides/learning.md": "tests/planner/test_value.py",
     "docs/tutorials/new-object.md": "tests/tasks/test_tutorial.py",
 }
 OF_THEIR_COMMIT = ROOT / "docs" / "results"  # what was typed then need not be valid today
