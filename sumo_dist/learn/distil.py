@@ -32,12 +32,12 @@ class DistilConfig:
             were seen have about the same plans.
     """
 
-    hidden: tuple[int, ...] = (256, 256)
-    epochs: int = 60
+    hidden: tuple[int, ...] = (128, 128)
+    epochs: int = 30
     batch: int = 256
     learning_rate: float = 1e-3
     held_out: float = 0.1
-    noise: float = 0.05
+    noise: float = 0.3
 
 
 @dataclass(frozen=True)

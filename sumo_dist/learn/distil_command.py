@@ -31,7 +31,7 @@ class Options:
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     out: Path
     value: Path | None = None
-    epochs: int = 60
+    epochs: int = 30
     seed: int = 1
 
     def __post_init__(self) -> None:

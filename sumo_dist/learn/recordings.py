@@ -1,7 +1,7 @@
-"""What recorded runs teach: where the robot was, and what the planner then decided."""
+"""What recorded runs teach: where the robot was, and what the planner then did."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.record.folders import RECORDING
 from sumo_dist.record.recording import Recording
 from sumo_dist.tasks import load_task
+from sumo_dist.timing import TICK
 
 FORESIGHT = 4.0  # of values [s]: some horizons, and less than most runs take
 
@@ -28,7 +29,7 @@ class Examples:
 
     Attributes:
         observations: (N, size) float32, of the states that the plans began with.
-        knots: (N, F, n) float32, of the plans from their start on.
+        knots: (N, F, n) float32, what was then done, at the times of a plan's knots.
         to_come: (N,) float32, the cost that was to come, see `cost_to_come`.
         runs: (N,) number of the run that each is of.
         contract: what inputs and knots are; all runs agree in it.
@@ -79,15 +80,14 @@ def gather(paths: Iterable[Path]) -> Examples:
             problems[config.task] = Problem.build(load_task(config.task), options)
         problem, planner = problems[config.task], config.planner
         times = knot_times(planner.spline, planner.nodes, planner.horizon)
-        ahead = times >= 0.0
-        own = Contract.of(problem, tuple(times[ahead].tolist()), planner.rate, {})
+        own = Contract.of(problem, tuple(times[times >= 0.0].tolist()), planner.rate, {})
         if contract is not None and (name := contract.differing(own)):
             raise UsageError(
                 f"{path}: its policy would differ from that of {', '.join(tasks)}, in "
                 f"{name.replace('_', ' ')}: {getattr(own, name)}, not {getattr(contract, name)}"
             )
         contract = own
-        parts.append(_plans(recording, problem, planner, ahead))
+        parts.append(_plans(recording, problem, planner, own))
         tasks[problem.task.name] = tasks.get(problem.task.name, 0) + 1
     if contract is None:
         raise UsageError("none of these runs ended in success: there is nothing to learn from")
@@ -114,10 +114,25 @@ def cost_to_come(costs: np.ndarray, horizon: float, rate: int) -> np.ndarray:
     return to_come[: len(costs)].astype(np.float32)
 
 
+def carried_out(ticks: np.ndarray, now: np.ndarray, times: Sequence[float]) -> np.ndarray:
+    """Return what was done at some times after each plan's start, (P, F, n) float32.
+
+    A plan's own later knots say little: the planner searches for them anew before they come, and
+    the last hardly change its cost. After the last plan its action stays.
+
+    Args:
+        ticks: (P,) on which plans begin.
+        now: (P, n) their actions there.
+        times: (F,) after a plan's start [s].
+    """
+    due = ticks[:, None] + np.round(np.asarray(times) / TICK).astype(int)
+    return now[np.searchsorted(ticks, due, side="right") - 1].astype(np.float32)
+
+
 def _plans(
-    recording: Recording, problem: Problem, planner: PlannerConfig, ahead: np.ndarray
+    recording: Recording, problem: Problem, planner: PlannerConfig, contract: Contract
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Observations (P, size), knots (P, F, n) and cost to come (P,) of those with `ahead` knots."""
+    """Observations (P, size), knots (P, F, n) and cost to come (P,) of a run's plans."""
     ticks = np.asarray(recording.plan_ticks)
     least = np.asarray(recording.costs).min(axis=1)  # infinite where all candidates were lost
     known = (ticks < len(recording.estimates)) & np.isfinite(least)  # the last tick may lack
@@ -128,5 +143,6 @@ def _plans(
     for number, parameters in enumerate(sets):
         rows = which.reshape(-1) == number
         observations[rows] = observer(states[rows], problem.task.table.named(parameters))
-    knots = np.asarray(recording.knots, np.float32)[known][:, ahead]
+    now = np.asarray(recording.knots)[known][:, -len(contract.times)]
+    knots = carried_out(ticks[known], now, contract.times)
     return observations, knots, cost_to_come(least[known], planner.horizon, planner.rate)

@@ -4,7 +4,7 @@ import pytest
 from sumo_dist.episode.config import EpisodeConfig
 from sumo_dist.episode.single import run_single
 from sumo_dist.errors import UsageError
-from sumo_dist.learn.recordings import FORESIGHT, cost_to_come, find_recordings, gather
+from sumo_dist.learn.recordings import FORESIGHT, carried_out, cost_to_come, find_recordings, gather
 from sumo_dist.math.splines import knot_times
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.observation import Observer
@@ -20,7 +20,10 @@ def test_examples_are_what_the_planner_saw_and_decided(recorded, problem):
     observer = Observer(problem.task, problem.model)
     seen = observer(np.asarray(recording.estimates)[ticks], parameters)
     np.testing.assert_array_equal(examples.observations, seen)
-    np.testing.assert_array_equal(examples.knots, np.asarray(recording.knots)[:, 1:])
+    done = np.asarray(recording.knots, np.float32)[:, 1]  # at the plans' starts
+    np.testing.assert_array_equal(examples.knots[:, 0], done)
+    last = np.broadcast_to(done[-1], examples.knots[:, 1:].shape)  # it was too short for later ones
+    np.testing.assert_array_equal(examples.knots[:, 1:], last)
     planner = PlannerConfig()
     times = knot_times(planner.spline, planner.nodes, planner.horizon)
     assert examples.contract.times == tuple(times[1:])
@@ -52,6 +55,14 @@ def test_runs_that_need_different_policies_are_refused(recorded, tmp_path):
 def test_a_place_without_recordings_is_named(tmp_path, recorded):
     with pytest.raises(UsageError, match=f"no recording in {tmp_path}"):
         find_recordings([recorded, tmp_path])
+
+
+def test_a_knot_is_what_was_done_when_its_time_came():
+    ticks, now = np.array([0, 2, 5, 7, 10]), np.arange(5.0)[:, None]  # at 20 plans a second
+    done = carried_out(ticks, now, (0.0, 0.06, 0.1, 0.5))[..., 0]
+    np.testing.assert_array_equal(done[0], [0.0, 1.0, 2.0, 4.0])
+    np.testing.assert_array_equal(done[:, 0], now[:, 0])
+    np.testing.assert_array_equal(done[3], [3.0, 4.0, 4.0, 4.0])
 
 
 def test_the_cost_to_come_is_that_of_the_plans_from_horizon_to_horizon():
