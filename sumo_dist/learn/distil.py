@@ -16,6 +16,8 @@ from sumo_dist.planner.learned import LearnedPolicy, LearnedValue
 from sumo_dist.policies.network import Layer
 
 LEAST_DEVIATION = 1e-2  # of an input that hardly varies, so that it is not blown up
+LEAST_COST = 0.5  # added to both costs of a ratio: near a goal little is as good as nothing
+LOG_COUNTS = (-6.0, 2.0)  # so that no example counts for all
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class DistilConfig:
         batch: examples a step.
         learning_rate: of Adam.
         held_out: share of the runs on which the error is measured.
+        sharpness: of the policy's choice among what was done; 0 lets all examples count alike.
         noise: standard deviation that is added to normalised inputs, so that states near those that
             were seen have about the same plans.
     """
@@ -37,6 +40,7 @@ class DistilConfig:
     batch: int = 256
     learning_rate: float = 1e-3
     held_out: float = 0.1
+    sharpness: float = 4.0
     noise: float = 0.3
 
 
@@ -48,8 +52,7 @@ class Fit:
         layers: of the network of the best epoch.
         epoch: which that was.
         error: mean squared error of its outputs on held-out runs.
-        spread: variance of what was to be learnt there: the error of a network that knows only the
-            mean.
+        spread: that of a network that knows only their mean.
     """
 
     layers: tuple[Layer, ...]
@@ -71,15 +74,21 @@ OnEpoch = Callable[[int, float], None]
 
 def distil(
     examples: Examples,
+    value: LearnedValue,
     config: DistilConfig,
     seed: int,
     origin: Mapping[str, Any],
     on_epoch: OnEpoch = lambda _epoch, _error: None,
 ) -> tuple[LearnedPolicy, Fit]:
-    """Fit a policy to plans; equal arguments give equal bits.
+    """Fit a policy to what was done; equal arguments give equal bits.
+
+    What led to less cost than the value expects counts more, by a power of the ratio: advantage-
+    weighted regression (arXiv:1910.00177), with ratios since tasks' costs differ in size. Without
+    it the policy dithers where the planner did, which is most of the time beside an object.
 
     Args:
         examples: what it learns from.
+        value: of their states, see `distil_value`.
         config: settings of the fit.
         seed: of weights, order and held-out runs.
         origin: how the policy was made, for its contract.
@@ -88,8 +97,11 @@ def distil(
     Raises:
         UsageError: there is only one plan.
     """
+    expected = value(examples.observations) + LEAST_COST
+    better = np.log(expected / (examples.to_come + LEAST_COST))
+    counts = np.exp(np.clip(config.sharpness * better, *LOG_COUNTS)).astype(np.float32)
     knots = examples.knots.reshape(len(examples.knots), -1)
-    fit = _fit(examples, knots, config, seed, on_epoch)
+    fit = _fit(examples, knots, counts, config, seed, on_epoch)
     return LearnedPolicy(replace(examples.contract, origin=origin), fit.layers), fit
 
 
@@ -101,44 +113,55 @@ def distil_value(
     on_epoch: OnEpoch = lambda _epoch, _error: None,
 ) -> tuple[LearnedValue, Fit]:
     """Fit a value to the cost that was to come; arguments and errors as of `distil`."""
-    fit = _fit(examples, examples.to_come[:, None], config, seed, on_epoch)
+    alike = np.ones(len(examples.to_come), np.float32)
+    fit = _fit(examples, examples.to_come[:, None], alike, config, seed, on_epoch)
     return LearnedValue(replace(examples.contract, times=(), origin=origin), fit.layers), fit
 
 
 def _fit(
-    examples: Examples, labels: np.ndarray, config: DistilConfig, seed: int, on_epoch: OnEpoch
+    examples: Examples,
+    labels: np.ndarray,
+    counts: np.ndarray,
+    config: DistilConfig,
+    seed: int,
+    on_epoch: OnEpoch,
 ) -> Fit:
-    """Fit a network to labels (N, outputs) of the examples."""
+    """Fit a network to labels (N, outputs) of the examples, which count so much each, (N,)."""
     if len(labels) < 2:
         raise UsageError("a single plan is nothing to learn from: give more runs, or longer ones")
     torch.set_num_threads(1)  # sums over threads would depend on their number
     torch.manual_seed(seed)
     held_out = _held_out(examples.runs, config.held_out, np.random.default_rng(seed))
     learnt, tested = (
-        (torch.from_numpy(examples.observations[rows]), torch.from_numpy(labels[rows]))
+        [torch.from_numpy(array[rows]) for array in (examples.observations, labels, counts)]
         for rows in (~held_out, held_out)
     )
     mean, deviation = learnt[0].mean(0), learnt[0].std(0).clamp(min=LEAST_DEVIATION)
     shift, scale = learnt[1].mean(0), learnt[1].std().clamp(min=LEAST_DEVIATION)
     network = _network(labels.shape[1], learnt[0].shape[1], config.hidden)
     adam = torch.optim.Adam(network.parameters(), config.learning_rate)
-    best = Fit((), 0, np.inf, float(labels[held_out].var(axis=0).mean()))
+    best = Fit((), 0, np.inf, _error(tested[1].mean(0), tested[1], tested[2]).item())
     for epoch in range(1, config.epochs + 1):
         for rows in torch.randperm(len(learnt[0])).split(config.batch):
             inputs = (learnt[0][rows] - mean) / deviation
             inputs = inputs + config.noise * torch.randn_like(inputs)
             adam.zero_grad()
             wanted = (learnt[1][rows] - shift) / scale
-            nn.functional.mse_loss(network(inputs), wanted).backward()
+            _error(network(inputs), wanted, learnt[2][rows]).backward()
             adam.step()
         with torch.inference_mode():
             found = network((tested[0] - mean) / deviation) * scale + shift
-            error = nn.functional.mse_loss(found, tested[1]).item()
+            error = _error(found, tested[1], tested[2]).item()
         on_epoch(epoch, error)
         if error < best.error:
             layers = layers_of(network, mean, deviation, scale, shift)
             best = replace(best, layers=layers, epoch=epoch, error=error)
     return best
+
+
+def _error(found: torch.Tensor, wanted: torch.Tensor, counts: torch.Tensor) -> torch.Tensor:
+    """Mean squared error of rows that count so much each."""
+    return (counts * ((found - wanted) ** 2).mean(1)).sum() / counts.sum()
 
 
 def _held_out(runs: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:

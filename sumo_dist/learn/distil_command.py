@@ -56,13 +56,13 @@ def main(options: Options) -> int:
     say(f"{len(examples.knots)} plans of successful runs: {counts}")
     origin = {"distilled": examples.tasks, "plans": len(examples.knots), "seed": options.seed}
     made = DistilConfig(epochs=options.epochs), options.seed, origin | provenance()
-    policy, fit = distil(examples, *made)
-    say(str(fit))
+    value, fit = distil_value(examples, *made)
+    say(f"value: {fit}")
+    policy, fit = distil(examples, value, *made)
+    say(f"policy: {fit}")
     _write(options.out, policy)
     say(f"wrote {options.out}: --set guidance=learned --set policy={options.out}")
     if options.value is not None:
-        value, fit = distil_value(examples, *made)
-        say(str(fit))
         _write(options.value, value)
         say(f"wrote {options.value}: for with_value, see docs/guides/learning.md")
     return 0

@@ -13,7 +13,8 @@ torch = pytest.importorskip("torch", reason="needs the extra train")
 from sumo_dist.learn.distil import DistilConfig, distil, distil_value  # noqa: E402
 from sumo_dist.learn.distil_command import Options, main  # noqa: E402
 
-QUICK = DistilConfig(hidden=(32,), epochs=60)
+ALIKE = DistilConfig(hidden=(32,), epochs=60, sharpness=0.0)
+QUICK = replace(ALIKE, sharpness=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +29,15 @@ def examples(problem):
     return Examples(observations, knots, costs, runs, contract, {"a": 10})
 
 
-def test_a_network_learns_what_decides_plans(examples):
+@pytest.fixture(scope="module")
+def value(examples):
+    return distil_value(examples, QUICK, 1, {})[0]
+
+
+def test_a_network_learns_what_decides_plans(examples, value):
     errors = []
     policy, fit = distil(
-        examples, QUICK, 1, {"made": "here"}, lambda _epoch, error: errors.append(error)
+        examples, value, ALIKE, 1, {"made": "here"}, lambda _epoch, error: errors.append(error)
     )
     assert fit.error < 0.5 * fit.spread
     assert fit.error == min(errors) == errors[fit.epoch - 1]
@@ -39,16 +45,30 @@ def test_a_network_learns_what_decides_plans(examples):
 
 
 def test_a_value_learns_what_decides_costs(examples, tmp_path):
-    value, fit = distil_value(examples, QUICK, 1, {"made": "here"})
+    value, fit = distil_value(examples, QUICK, 1, {})
     assert fit.error < 0.5 * fit.spread
     value.save(tmp_path / "value.onnx")
     found = LearnedValue.load(tmp_path / "value.onnx")(examples.observations)
     assert np.mean((found - examples.to_come) ** 2) < 0.5 * examples.to_come.var()
 
 
-def test_what_is_kept_is_the_best_epoch(examples):
-    policy, fit = distil(examples, QUICK, 1, {})
-    again, _ = distil(examples, replace(QUICK, epochs=fit.epoch), 1, {})
+def test_what_led_to_less_cost_than_expected_counts_more(examples, value):
+    """Of two minds in every state, one has half the cost of the other."""
+    good = np.arange(len(examples.knots)) % 2 == 0
+    knots = np.where(good[:, None, None], 0.5, -0.5) * np.ones_like(examples.knots)
+    costs = (np.where(good, 0.67, 1.33) * examples.to_come).astype(np.float32)
+    minds = replace(examples, knots=knots.astype(np.float32), to_come=costs)
+    alike, chosen = (
+        distil(minds, value, config, 1, {})[0](examples.observations).mean()
+        for config in (ALIKE, QUICK)
+    )
+    assert abs(alike) < 0.1
+    assert chosen > 0.2
+
+
+def test_what_is_kept_is_the_best_epoch(examples, value):
+    policy, fit = distil(examples, value, QUICK, 1, {})
+    again, _ = distil(examples, value, replace(QUICK, epochs=fit.epoch), 1, {})
     for ours, theirs in zip(policy.layers, again.layers, strict=True):
         np.testing.assert_array_equal(ours.weight, theirs.weight)
 
@@ -59,18 +79,17 @@ def test_a_single_plan_is_refused(examples):
         **{n: getattr(examples, n)[:1] for n in ("observations", "knots", "to_come", "runs")},
     )
     with pytest.raises(UsageError, match="a single plan"):
-        distil(one, QUICK, 1, {})
+        distil_value(one, QUICK, 1, {})
 
 
-def test_whole_runs_are_held_out(examples):
+def test_whole_runs_are_held_out(examples, value):
     """Labels that only the run explains cannot be learnt from other runs."""
     rng = np.random.default_rng(1)
     labels = rng.normal(size=(10, *examples.knots.shape[1:])).astype(np.float32) * 0.3
     marked = examples.observations.copy()
     marked[:, 0] = examples.runs
-    _, fit = distil(
-        replace(examples, observations=marked, knots=labels[examples.runs]), QUICK, 1, {}
-    )
+    marked = replace(examples, observations=marked, knots=labels[examples.runs])
+    _, fit = distil(marked, value, ALIKE, 1, {})
     assert fit.error > 0.01
 
 
