@@ -16,6 +16,7 @@ from sumo_dist.planner.learned import LearnedPolicy, LearnedValue
 from sumo_dist.policies.network import Layer
 
 LEAST_DEVIATION = 1e-2  # of an input that hardly varies, so that it is not blown up
+TINY = 1e-9  # variance of an output that does not vary
 LEAST_COST = 0.5  # added to both costs of a ratio: near a goal little is as good as nothing
 LOG_COUNTS = (-6.0, 2.0)  # so that no example counts for all
 
@@ -53,12 +54,14 @@ class Fit:
         epoch: which that was.
         error: mean squared error of its outputs on held-out runs.
         spread: that of a network that knows only their mean.
+        explained: (outputs,) share of their variance there that the network explains, from 0 to 1.
     """
 
     layers: tuple[Layer, ...]
     epoch: int
     error: float
     spread: float
+    explained: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         """For people."""
@@ -102,7 +105,8 @@ def distil(
     counts = np.exp(np.clip(config.sharpness * better, *LOG_COUNTS)).astype(np.float32)
     knots = examples.knots.reshape(len(examples.knots), -1)
     fit = _fit(examples, knots, counts, config, seed, on_epoch)
-    return LearnedPolicy(replace(examples.contract, origin=origin), fit.layers), fit
+    contract = replace(examples.contract, origin=origin, trust=fit.explained)
+    return LearnedPolicy(contract, fit.layers), fit
 
 
 def distil_value(
@@ -140,28 +144,31 @@ def _fit(
     shift, scale = learnt[1].mean(0), learnt[1].std().clamp(min=LEAST_DEVIATION)
     network = _network(labels.shape[1], learnt[0].shape[1], config.hidden)
     adam = torch.optim.Adam(network.parameters(), config.learning_rate)
-    best = Fit((), 0, np.inf, _error(tested[1].mean(0), tested[1], tested[2]).item())
+    spreads = _errors(tested[1].mean(0), tested[1], tested[2])
+    best = Fit((), 0, np.inf, spreads.mean().item())
     for epoch in range(1, config.epochs + 1):
         for rows in torch.randperm(len(learnt[0])).split(config.batch):
             inputs = (learnt[0][rows] - mean) / deviation
             inputs = inputs + config.noise * torch.randn_like(inputs)
             adam.zero_grad()
             wanted = (learnt[1][rows] - shift) / scale
-            _error(network(inputs), wanted, learnt[2][rows]).backward()
+            _errors(network(inputs), wanted, learnt[2][rows]).mean().backward()
             adam.step()
         with torch.inference_mode():
             found = network((tested[0] - mean) / deviation) * scale + shift
-            error = _error(found, tested[1], tested[2]).item()
+            errors = _errors(found, tested[1], tested[2])
+        error = errors.mean().item()
         on_epoch(epoch, error)
         if error < best.error:
             layers = layers_of(network, mean, deviation, scale, shift)
-            best = replace(best, layers=layers, epoch=epoch, error=error)
+            explained = (1.0 - errors / spreads.clamp(min=TINY)).clamp(0.0, 1.0)
+            best = Fit(layers, epoch, error, best.spread, tuple(explained.tolist()))
     return best
 
 
-def _error(found: torch.Tensor, wanted: torch.Tensor, counts: torch.Tensor) -> torch.Tensor:
-    """Mean squared error of rows that count so much each."""
-    return (counts * ((found - wanted) ** 2).mean(1)).sum() / counts.sum()
+def _errors(found: torch.Tensor, wanted: torch.Tensor, counts: torch.Tensor) -> torch.Tensor:
+    """Mean squared errors (outputs,) over rows that count so much each."""
+    return (counts[:, None] * (found - wanted) ** 2).sum(0) / counts.sum()
 
 
 def _held_out(runs: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:

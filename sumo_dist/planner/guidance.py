@@ -41,7 +41,11 @@ def make_guide(problem: Problem, config: PlannerConfig) -> Guide | None:
 
 
 class LearnedGuide:
-    """Proposes what a learned policy does in a state."""
+    """Proposes what a learned policy does in a state, as far as it can be trusted.
+
+    As much of a knot as it cannot say stays that of the last plan: a policy that knows nothing of
+    an arm's next second would else fold it in every plan.
+    """
 
     def __init__(self, problem: Problem, config: PlannerConfig) -> None:
         """Load the policy.
@@ -55,11 +59,17 @@ class LearnedGuide:
         self._observe = Observer(problem.task, problem.model)
         times = splines.knot_times(config.spline, config.nodes, config.horizon)
         self._times = times[times >= 0.0]
+        contract = self._policy.contract
+        trust = contract.trust or np.ones(len(contract.times) * len(contract.actions))
+        self._trust = self._lines(np.reshape(trust, (len(contract.times), -1)))
 
     def __call__(self, state: np.ndarray, parameters: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """Knots (F, n) on the lines between the policy's; before and after these it holds them."""
-        del mean
         (knots,) = self._policy(self._observe(state[None], self._named(parameters)))
+        return self._trust * self._lines(knots) + (1.0 - self._trust) * mean
+
+    def _lines(self, knots: np.ndarray) -> np.ndarray:
+        """What lines through the policy's knots (F', n) are at the planner's, (F, n)."""
         times = self._policy.contract.times
         return np.stack([np.interp(self._times, times, column) for column in knots.T], axis=1)
 

@@ -36,6 +36,8 @@ class Contract:
         times: (F,) of the knots that it returns, from now on [s]; one that drives alone has (0,),
             a value of states has none.
         rate: plans per second of robot time for which it was made [Hz].
+        trust: (F * n,) how much of the last plan's knots a proposal's replace, from 0 to 1; none
+            stands for all of it.
         origin: how it was made: task, command, seed, steps; for people.
     """
 
@@ -47,6 +49,7 @@ class Contract:
     upper: tuple[float, ...]
     times: tuple[float, ...]
     rate: int
+    trust: tuple[float, ...] = ()
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -76,7 +79,7 @@ class Contract:
         """
         found = json.loads(text)
         names = {f.name for f in fields(cls)}
-        if not isinstance(found, dict) or set(found) != names:
+        if not isinstance(found, dict) or set(found) | {"trust"} != names:
             raise ValueError(f"needs {sorted(names)}")
         lists = {name: tuple(v) for name, v in found.items() if isinstance(v, list)}
         return cls(**{**found, **lists})
@@ -100,7 +103,7 @@ class Contract:
 
     def differing(self, other: "Contract") -> str:
         """Name a field in which two contracts differ, "" if one policy can have both."""
-        names = (f.name for f in fields(self) if f.name != "origin")
+        names = (f.name for f in fields(self) if f.name not in ("trust", "origin"))
         return next((n for n in names if getattr(self, n) != getattr(other, n)), "")
 
 

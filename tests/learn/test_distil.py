@@ -41,7 +41,18 @@ def test_a_network_learns_what_decides_plans(examples, value):
     )
     assert fit.error < 0.5 * fit.spread
     assert fit.error == min(errors) == errors[fit.epoch - 1]
-    assert policy.contract == replace(examples.contract, origin={"made": "here"})
+    made = {"origin": {"made": "here"}, "trust": fit.explained}
+    assert policy.contract == replace(examples.contract, **made)
+
+
+def test_what_nothing_explains_is_not_trusted(examples, value):
+    rng = np.random.default_rng(2)
+    knots = examples.knots.copy()
+    knots[:, 1] = rng.uniform(-1.0, 1.0, knots[:, 1].shape)
+    policy, _ = distil(replace(examples, knots=knots), value, ALIKE, 1, {})
+    trust = np.reshape(policy.contract.trust, knots.shape[1:])
+    assert trust[0].min() > 0.3
+    assert trust[1].max() < 0.1
 
 
 def test_a_value_learns_what_decides_costs(examples, tmp_path):

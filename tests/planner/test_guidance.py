@@ -169,13 +169,33 @@ def test_a_learned_policy_proposes_at_the_knots_of_the_plan(state, move_box, lea
     problem = Problem.build(move_box, planning_options(config))
     guide, there = make_guide(problem, config), parameters(move_box, 3.0)
     assert isinstance(guide, LearnedGuide)
-    knots = guide(state, there, np.empty(0))
+    plan = np.full((4 if spline == "smooth" else 5, 9), 0.3)
+    knots = guide(state, there, plan)
     (own,) = policy(Observer(move_box, problem.model)(state[None], move_box.table.named(there)))
     if spline == "smooth":  # at 0, 0.5, 1 and 1.5 s
         assert np.array_equal(knots, own[[0, 1, 2, 2]])
     else:  # 0.375 s apart
         between = own[0] + 0.75 * (own[1] - own[0]), own[1] + 0.5 * (own[2] - own[1])
         assert knots == pytest.approx(np.stack([own[0], *between, own[2], own[2]]))
+
+
+def test_what_a_policy_cannot_say_stays_as_in_the_last_plan(state, move_box, learned, tmp_path):
+    policy, _ = learned
+    trust = np.zeros((len(TIMES), 9))
+    trust[0], trust[1, :3] = 1.0, 0.5
+    trusted = replace(
+        policy, contract=replace(policy.contract, trust=tuple(trust.ravel().tolist()))
+    )
+    trusted.save(tmp_path / "policy.onnx")
+    config = PlannerConfig(guidance="learned", policy=str(tmp_path / "policy.onnx"))
+    problem = Problem.build(move_box, planning_options(config))
+    there, plan = parameters(move_box, 3.0), np.full((4, 9), 0.3)
+    (own,) = policy(Observer(move_box, problem.model)(state[None], move_box.table.named(there)))
+    knots = LearnedGuide(problem, config)(state, there, plan)  # at 0, 0.5, 1 and 1.5 s
+    assert np.array_equal(knots[0], own[0])
+    assert knots[1, :3] == pytest.approx(0.5 * own[1, :3] + 0.15)
+    assert np.array_equal(knots[1, 3:], plan[1, 3:])
+    assert np.array_equal(knots[2:], plan[2:])
 
 
 def test_a_policy_guides_only_what_it_was_made_for(learned):
