@@ -51,8 +51,8 @@ class PlannerConfig:
             draws all candidates.
         policy: the learned policy's file on the optimizer's host, which is made absolute; ""
             without such guidance.
-        guided: share of the first iteration's candidates that are proposals: one of them exact, the
-            others with noise. 0 is one, and 1 leaves out the last plan, too.
+        guided: share of the first iteration's candidates that are proposals, all with noise but one
+            of those for the object. 0 is one proposal; 1 leaves out the last plan, and one is exact.
     """
 
     optimizer: str = "ps"

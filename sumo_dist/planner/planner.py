@@ -139,8 +139,10 @@ class Planner:
     def _propose(
         self, request: PlanRequest, belief: Belief, shares: np.ndarray
     ) -> tuple[Belief, np.ndarray]:
-        """Let the last candidates be drawn around what the guide proposes, the first of them exact.
+        """Let the last candidates be drawn around what the guide proposes.
 
+        The first of them is exact, but for a learned policy's beside others: that is calmer than
+        all that have noise, and where no candidate comes further it would win every time.
         What is not searched stays as in the last plan, shifted.
 
         Args:
@@ -161,7 +163,8 @@ class Planner:
         means = np.repeat(belief.mean[None], candidates, axis=0)  # (B, F, n)
         means[-count:] = np.where(belief.sigma > 0.0, proposal, belief.mean)
         shares = shares.copy()
-        shares[-count] = 0.0
+        if self.config.guidance != "learned" or count == candidates:
+            shares[-count] = 0.0
         return Belief(means, belief.sigma), shares
 
     def _noise(self) -> np.ndarray:

@@ -414,6 +414,13 @@ def test_the_last_candidates_are_proposals(guided, rollouts, proposals):
         assert all(np.abs(row).max() > 0.01 for row in noise)
 
 
+def test_a_learned_policys_proposals_have_noise_unless_it_is_alone():
+    learned = {"guidance": "learned", "policy": "policy.onnx", **EASY}
+    beside = candidates(8, guided=0.25, **learned)[6:] - PROPOSED
+    assert all(np.abs(row).max() > 0.01 for row in beside)
+    assert np.all(candidates(8, guided=1.0, **learned)[0] == PROPOSED)
+
+
 def test_proposals_near_their_mean_have_a_share_of_the_noise():
     near = {"guided": 0.5, "placement": "near"}
     knots = candidates(16, **near, **EASY)[9:] - PROPOSED
