@@ -87,7 +87,7 @@ def distil(
 
     What led to less cost than the value expects counts more, by a power of the ratio: advantage-
     weighted regression (arXiv:1910.00177), with ratios since tasks' costs differ in size. Without
-    it the policy dithers where the planner did, which is most of the time beside an object.
+    it the policy is the mean of what the planner did, which beside an object is mostly to dither.
 
     Args:
         examples: what it learns from.

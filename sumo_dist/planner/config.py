@@ -52,7 +52,7 @@ class PlannerConfig:
         policy: the learned policy's file on the optimizer's host, which is made absolute; ""
             without such guidance.
         guided: share of the first iteration's candidates that are proposals, all with noise but one
-            of those for the object. 0 is one proposal; 1 leaves out the last plan, and one is exact.
+            of those for the object. 0 is one; 1 leaves out the last plan, and one is exact.
     """
 
     optimizer: str = "ps"

@@ -79,6 +79,7 @@ class Contract:
         """
         found = json.loads(text)
         names = {f.name for f in fields(cls)}
+        # older contracts have no trust, which is to trust all
         if not isinstance(found, dict) or set(found) | {"trust"} != names:
             raise ValueError(f"needs {sorted(names)}")
         lists = {name: tuple(v) for name, v in found.items() if isinstance(v, list)}
