@@ -1,6 +1,6 @@
 """Distillation: networks that say at once about what the planner would search for, and find."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -71,17 +71,12 @@ class Fit:
         )
 
 
-OnEpoch = Callable[[int, float], None]
-"""Is told each epoch's number and held-out error."""
-
-
 def distil(
     examples: Examples,
     value: LearnedValue,
     config: DistilConfig,
     seed: int,
     origin: Mapping[str, Any],
-    on_epoch: OnEpoch = lambda _epoch, _error: None,
 ) -> tuple[LearnedPolicy, Fit]:
     """Fit a policy to what was done; equal arguments give equal bits.
 
@@ -95,7 +90,6 @@ def distil(
         config: settings of the fit.
         seed: of weights, order and held-out runs.
         origin: how the policy was made, for its contract.
-        on_epoch: is told how it goes.
 
     Raises:
         UsageError: there is only one plan.
@@ -104,7 +98,7 @@ def distil(
     better = np.log(expected / (examples.to_come + LEAST_COST))
     counts = np.exp(np.clip(config.sharpness * better, *LOG_COUNTS)).astype(np.float32)
     knots = examples.knots.reshape(len(examples.knots), -1)
-    fit = _fit(examples, knots, counts, config, seed, on_epoch)
+    fit = _fit(examples, knots, counts, config, seed)
     contract = replace(examples.contract, origin=origin, trust=fit.explained)
     return LearnedPolicy(contract, fit.layers), fit
 
@@ -114,11 +108,10 @@ def distil_value(
     config: DistilConfig,
     seed: int,
     origin: Mapping[str, Any],
-    on_epoch: OnEpoch = lambda _epoch, _error: None,
 ) -> tuple[LearnedValue, Fit]:
     """Fit a value to the cost that was to come; arguments and errors as of `distil`."""
     alike = np.ones(len(examples.to_come), np.float32)
-    fit = _fit(examples, examples.to_come[:, None], alike, config, seed, on_epoch)
+    fit = _fit(examples, examples.to_come[:, None], alike, config, seed)
     return LearnedValue(replace(examples.contract, times=(), origin=origin), fit.layers), fit
 
 
@@ -128,7 +121,6 @@ def _fit(
     counts: np.ndarray,
     config: DistilConfig,
     seed: int,
-    on_epoch: OnEpoch,
 ) -> Fit:
     """Fit a network to labels (N, outputs) of the examples, which count so much each, (N,)."""
     if len(labels) < 2:
@@ -158,7 +150,6 @@ def _fit(
             found = network((tested[0] - mean) / deviation) * scale + shift
             errors = _errors(found, tested[1], tested[2])
         error = errors.mean().item()
-        on_epoch(epoch, error)
         if error < best.error:
             layers = layers_of(network, mean, deviation, scale, shift)
             explained = (1.0 - errors / spreads.clamp(min=TINY)).clamp(0.0, 1.0)
