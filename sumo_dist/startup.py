@@ -15,6 +15,9 @@ class WithoutGraphics:
     takes time, and a process that is killed meanwhile leaves its helper without the line that it
     reads, which it says with a traceback. Films are drawn by processes of their own; what the user
     has chosen stays.
+
+    Enter it where no other thread starts a process: one that starts while the environment is being
+    written can fail to, with exit code 255.
     """
 
     def __enter__(self) -> None:

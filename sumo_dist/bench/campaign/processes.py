@@ -111,23 +111,27 @@ def processes(function: Callable[[J], Any], limit: int) -> Iterator[Runners[J]]:
 
     for _ in range(limit):
         runners.add(run)
-    try:
-        yield runners
-    finally:
-        for process in [*running]:
-            process.end()
+    with WithoutGraphics():
+        try:
+            yield runners
+        finally:
+            for process in [*running]:
+                process.end()
 
 
 class JobProcess:
-    """A job in a process of its own, which dies with this one. A context manager that ends it."""
+    """A job in a process of its own, which dies with this one. A context manager that ends it.
+
+    It takes the environment of this one, which no thread may write meanwhile: the process would
+    read it half written, and end with exit code 255.
+    """
 
     def __init__(self, function: Callable[[Any], Any], job: Any) -> None:
         """Start it."""
         context = multiprocessing.get_context("spawn")  # not forked: this process has threads
         self._ours, theirs = context.Pipe(duplex=False)
         self._process = context.Process(target=_work, args=(function, job, theirs))
-        with WithoutGraphics():
-            self._process.start()
+        self._process.start()
         theirs.close()
 
     def wait(self, timeout: float) -> bool:

@@ -15,6 +15,7 @@ from sumo_dist.errors import SumoError, UsageError
 from sumo_dist.launch.serve import service
 from sumo_dist.provenance import cores
 from sumo_dist.services.worker import unique_name
+from sumo_dist.startup import WithoutGraphics
 from sumo_dist.wire.bus import Bus
 from sumo_dist.wire.connection import keys_for
 from sumo_dist.wire.keys import WORKER, checked_name
@@ -62,6 +63,7 @@ def run(options: Options, stop: threading.Event) -> None:
     _, build = checked_engine(options.engine)
     keys = keys_for(options.connect, options.keys, WORKER)
     with (
+        WithoutGraphics(),
         Bus.dial(options.connect, BENCH, keys=keys) as bus,
         ThreadPoolExecutor(options.jobs) as threads,
     ):

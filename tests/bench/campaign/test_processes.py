@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -41,6 +42,22 @@ def test_a_job_that_is_done_leaves_no_file_open():
         list(runners.run_each([-1, -2, -3]))
         gc.collect()
         assert len(os.listdir("/proc/self/fd")) <= before
+
+
+def test_no_thread_writes_the_environment_while_processes_start(monkeypatch):
+    """A start fails now and then, with exit code 255, while another thread writes it."""
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    threads, on = [], True
+
+    def note(event, _):
+        if on and event in ("os.putenv", "os.unsetenv"):
+            threads.append(threading.current_thread())
+
+    sys.addaudithook(note)  # stays until this process ends
+    assert each(os.getenv, ["MUJOCO_GL"] * 3, limit=2) == [("MUJOCO_GL", "disable")] * 3
+    on = False
+    assert threads == [threading.main_thread()] * 2
+    assert "MUJOCO_GL" not in os.environ
 
 
 def test_a_process_that_dies_is_told():
