@@ -10,6 +10,7 @@ import tyro
 from sumo_dist.errors import UsageError
 from sumo_dist.extras import need
 from sumo_dist.learn.environment import EnvironmentConfig
+from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.model.variation import Spread
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.provenance import cores
@@ -40,6 +41,11 @@ class Options:
         scatter: up to how far starts are moved on the floor, robot and objects together [m], as if
             the goal were elsewhere: so the robot is not always between it and the object.
         models: that have such deviations, among which the episodes are spread.
+        running: cost terms that are paid per second, such as those of a gait; of the others a
+            reward is what they change by.
+        kl: by how much an update should change the policy (mean KL divergence of its actions),
+            which the learning rate follows; 0 keeps the rate.
+        entropy: weight of the policy's entropy in what it learns.
         weight: weights of cost terms in place of the task's, such as fall=250.
         param: the task's parameters, such as goal=1,0.
         set: planner settings as key=value; here the planning model's count, and rate: actions per
@@ -60,6 +66,9 @@ class Options:
     friction: float = 0.0
     scatter: float = 0.0
     models: int = 64
+    running: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    kl: float = PPOConfig.kl
+    entropy: float = PPOConfig.entropy
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     param: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -73,6 +82,9 @@ class Options:
         for name in ("mass", "size", "friction"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise UsageError(f"--{name} must be at least 0 and below 1: a relative deviation")
+        for name in ("kl", "entropy"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise UsageError(f"--{name} must be from 0 to 1")
         if not 0.0 <= self.scatter <= 100.0:
             raise UsageError(f"--scatter must be from 0 to 100 m, got {self.scatter}")
         if self.threads is not None and self.threads < 1:
@@ -94,6 +106,7 @@ class Options:
             models=self.models if spread != Spread() else 0,
             spread=spread,
             scatter=self.scatter,
+            running=self.running,
         )
 
     @property
@@ -105,6 +118,7 @@ class Options:
             task=task_source(self.task),
             seed=self.seed,
             environment=self.environment,
+            ppo=PPOConfig(kl=self.kl, entropy=self.entropy),
             weight=self.weight,
             param=self.param,
             settings=self.set,

@@ -2,17 +2,20 @@
 
 All of it is the planner's: rows of one rollout engine on the planning model and its variations,
 the task's action space, cost terms, success and starts. A reward is by how much an action lowers
-the task's cost, so their sum is the cost that the robot took away.
+the task's cost, so their sum is the cost that the robot took away. How a robot should move, such as
+in a gait, is nothing that can be taken away: such terms are paid for as long as they last.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
 import numpy as np
 
 from sumo_dist.costs.table import CostSettings
+from sumo_dist.costs.terms import CostTerm
 from sumo_dist.costs.view import View
+from sumo_dist.errors import unknown
 from sumo_dist.learn.starts import Starts
 from sumo_dist.model.variation import Spread, draw
 from sumo_dist.planner.observation import Observer
@@ -34,6 +37,7 @@ class EnvironmentConfig:
         models: variations of the model among which episodes are spread, besides the model itself.
         spread: of the variations.
         scatter: up to how far starts are moved on the floor, see `Starts` [m].
+        running: cost terms that are paid per second; of the others, what they change by.
     """
 
     count: int = 512
@@ -43,6 +47,7 @@ class EnvironmentConfig:
     models: int = 0
     spread: Spread = field(default_factory=Spread)
     scatter: float = 0.0
+    running: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,8 @@ class Outcome:
         timed_out: (B,) bool, it is over since its time was up.
         solved: (B,) bool, it ended in success.
         fell: (B,) bool, it ended since a term that counts once held, or its rollout diverged.
-        cost: (B,) the task's cost where each episode was when the action had ended.
+        cost: (B,) the task's cost where each episode was when the action had ended, without its
+            running terms.
     """
 
     observations: np.ndarray
@@ -78,7 +84,7 @@ class _Rows:
         models: (B,) numbers of their models.
         age: (B,) ticks since the start.
         held: (B,) ticks for which success has held.
-        cost: (B,) the task's cost; NaN at a start, which no action led to.
+        cost: (B,) as of `Outcome`; NaN at a start, which no action led to.
     """
 
     states: np.ndarray
@@ -110,8 +116,12 @@ class Environment:
             seed: of all that is drawn; the starts are those of `run` with seeds from this one on.
             threads: of the rollouts.
             engine: kind of engine, see `make_engine`.
+
+        Raises:
+            UsageError: a running term is none of the task's, or one that counts once.
         """
         self._problem, self._cost, self.config = problem, cost, config
+        self._once, self._running = _kinds(problem.task.cost, config.running)
         self._rng = np.random.default_rng(seed)
         models = tuple(draw(problem.model, config.spread, self._rng) for _ in range(config.models))
         seeds = range(seed, seed + config.starts)
@@ -122,7 +132,6 @@ class Environment:
         self._anew = problem.policy.initial_memory()
         self._action = 0  # number of the next action, the same of all episodes
         task = problem.task
-        self._once = np.array([term.reduction == "any" for term in task.cost])
         self._hold = max(1, round(task.success_hold / TICK))
         self._rows = self._begin(config.count)
 
@@ -168,13 +177,13 @@ class Environment:
             self._parameters,
         )
         with np.errstate(invalid="ignore", over="ignore"):
-            cost, fell = self._judge(view)
+            cost, running, fell = self._judge(view)
             held = self._held(self._problem.task.success(view), rollouts.valid)
-        fell |= ~rollouts.valid | ~np.isfinite(cost)
+        fell |= ~rollouts.valid | ~np.isfinite(cost + running)
         solved = (held >= self._hold) & ~fell
         age = rows.age + end - begin
         timed_out = (age >= config.time_limit * TICK_RATE) & ~solved & ~fell
-        rewards = self._rewards(cost, solved, fell)
+        rewards = self._rewards(cost, running * (end - begin) * TICK, solved, fell)
         self._rows = _Rows(rollouts.states[:, -1], rollouts.memory, rows.models, age, held, cost)
         ended = solved | fell | timed_out
         self._renew(ended)
@@ -190,20 +199,13 @@ class Environment:
         self._rows, self._action = _Rows(**state["rows"]), state["action"]
         self._rng.bit_generator.state = state["rng"]
 
-    def _judge(self, view: View) -> tuple[np.ndarray, np.ndarray]:
-        """Cost (B,) at the last tick of a view, and whether a term held that counts once."""
-        task, weights = self._problem.task, self._cost.weights
-        courses = [term.course(view) for term in task.cost]  # each (B, T)
-        once = [
-            course.any(axis=1)
-            for course, is_once in zip(courses, self._once, strict=True)
-            if is_once
-        ]
-        cost = np.zeros(len(courses[0]))
-        for course, weight, is_once in zip(courses, weights, self._once, strict=True):
-            if not is_once:
-                cost = cost + weight * course[:, -1]
-        return cost, np.logical_or.reduce(once) if once else np.zeros(len(cost), bool)
+    def _judge(self, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cost (B,) at the last tick of a view, that of running terms, and whether it fell."""
+        courses = np.stack([term.course(view) for term in self._problem.task.cost])  # (n, B, T)
+        weighed = self._cost.weights[:, None, None] * courses
+        cost = weighed[~(self._once | self._running), :, -1].sum(axis=0)
+        running = weighed[self._running].mean(axis=2).sum(axis=0)
+        return cost, running, courses[self._once].any(axis=(0, 2))
 
     def _held(self, success: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Ticks for which success has held, (B,), after some more (B, T); it stays once solved."""
@@ -213,12 +215,14 @@ class Environment:
             held = np.where(goes_on, held + 1, 0)
         return held
 
-    def _rewards(self, cost: np.ndarray, solved: np.ndarray, fell: np.ndarray) -> np.ndarray:
+    def _rewards(
+        self, cost: np.ndarray, paid: np.ndarray, solved: np.ndarray, fell: np.ndarray
+    ) -> np.ndarray:
         """By how much the cost fell, (B,): to 0 if solved, and it rises by all that counts once."""
         before = np.where(np.isnan(self._rows.cost), cost, self._rows.cost)
         after = np.where(solved, 0.0, cost)
         once = float(self._cost.weights[self._once].sum())
-        rewards = np.where(fell, -once, before - after)
+        rewards = np.where(fell, -once, before - after - paid)
         return np.nan_to_num(rewards, nan=-once) / COST_UNIT
 
     def _renew(self, ended: np.ndarray) -> None:
@@ -233,3 +237,13 @@ class Environment:
         none = np.zeros(count, int)
         memory = np.tile(self._anew, (count, 1))
         return _Rows(states, memory, models, none, none.copy(), np.full(count, np.nan))
+
+
+def _kinds(terms: Sequence[CostTerm], running: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Which of a task's terms count once, and which are paid per second, (n,) bool each."""
+    once = np.array([term.reduction == "any" for term in terms])
+    names = [term.name for term, counts_once in zip(terms, once, strict=True) if not counts_once]
+    for name in running:
+        if name not in names:
+            raise unknown("running term", name, names)
+    return once, np.array([term.name in running for term in terms])

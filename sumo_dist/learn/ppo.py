@@ -14,37 +14,10 @@ from tensordict import TensorDict  # pyright: ignore[reportMissingImports]
 
 from sumo_dist.learn.environment import Environment, Outcome
 from sumo_dist.learn.layers import layers_of
+from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.policies.network import Layer
 
 GROUPS = {"actor": ["state"], "critic": ["state"]}
-
-
-@dataclass(frozen=True)
-class PPOConfig:
-    """Settings of the learner; rsl_rl's own otherwise.
-
-    Attributes:
-        hidden: units of the networks' hidden layers.
-        steps: actions of each episode between two updates.
-        deviation: of the first actions from standing still, normalised.
-        base_deviation: the same of the base's velocities: a robot that hardly walks learns nothing.
-        learning_rate: of Adam, for both networks.
-        entropy: weight of the policy's entropy.
-        horizon: after which a reward counts 1/e [s].
-        decay: lambda of the generalised advantage estimate.
-        epochs, batches: passes over what was gathered in an update, each in so many parts.
-    """
-
-    hidden: tuple[int, ...] = (128, 128)
-    steps: int = 16
-    deviation: float = 0.3
-    base_deviation: float = 0.7
-    learning_rate: float = 3e-4
-    entropy: float = 0.001
-    horizon: float = 5.0
-    decay: float = 0.95
-    epochs: int = 5
-    batches: int = 8
 
 
 @dataclass(frozen=True)
@@ -93,7 +66,8 @@ class Learner:
             lam=config.decay,
             entropy_coef=config.entropy,
             learning_rate=config.learning_rate,
-            schedule="fixed",
+            schedule="adaptive" if config.kl else "fixed",
+            desired_kl=config.kl,
             use_clipped_value_loss=False,
         )
 

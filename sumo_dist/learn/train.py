@@ -13,7 +13,8 @@ import torch  # pyright: ignore[reportMissingImports]
 
 from sumo_dist.errors import UsageError
 from sumo_dist.learn.environment import Environment, EnvironmentConfig
-from sumo_dist.learn.ppo import Account, Learner, PPOConfig
+from sumo_dist.learn.ppo import Account, Learner
+from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.learned import Contract, LearnedPolicy
 from sumo_dist.planner.problem import Problem, planning_options

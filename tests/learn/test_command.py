@@ -13,6 +13,8 @@ from sumo_dist.learn.command import Options, main
         ({"models": 0}, "--models must be from 1"),
         ({"mass": 1.0}, "--mass must be at least 0 and below 1"),
         ({"size": -0.1}, "--size must be at least 0 and below 1"),
+        ({"kl": -0.01}, "--kl must be from 0 to 1"),
+        ({"entropy": 2.0}, "--entropy must be from 0 to 1"),
         ({"scatter": -1.0}, "--scatter must be from 0"),
         ({"threads": 0}, "--threads must be at least 1"),
         ({"time_limit": 0.0}, "--time-limit must be from 0.1"),
@@ -49,6 +51,7 @@ def test_says_what_to_install_where_the_learner_is_missing(tmp_path, monkeypatch
     [
         ({"task": "spot/fly"}, "unknown task 'spot/fly'"),
         ({"weight": ("gaol=3",)}, "gaol"),
+        ({"running": ("gait",)}, "unknown running term 'gait'; valid: goal"),
     ],
 )
 def test_a_request_that_does_not_fit_the_task_leaves_no_folder(changes, error, tmp_path):

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 
+from sumo_dist.errors import UsageError
 from sumo_dist.learn.environment import COST_UNIT
 from sumo_dist.model.variation import Spread
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.observation import Observer
+from sumo_dist.timing import PLAN_RATE
 
 
 def pushes(environment, steps, seed=0):
@@ -66,6 +68,33 @@ def test_rewards_add_up_to_the_cost_that_was_taken_away(begin):
     np.testing.assert_allclose(sum(outcome.rewards for outcome in outcomes), taken, atol=1e-9)
     assert np.abs(taken).max() > 0.01
     np.testing.assert_array_equal(outcomes[0].rewards, 0.0)  # no cost is known of a start
+
+
+def test_running_terms_are_paid_for_as_long_as_they_last(begin):
+    """Terms of an action: the others' differences, and of the running ones their means times 0.1 s.
+
+    The second and third action of a second are of 2 and 3 ticks each, as the first and second.
+    """
+    plain, running, other = (
+        begin(weight=("goal=0", "gripper=7", "velocity=0"), running=terms)
+        for terms in ((), ("gripper",), ("goal",))
+    )
+    actions = pushes(plain, 6)
+    distance = np.array([outcome.cost / 7 for outcome in follow(plain, actions)])  # (6, B)
+    paid = np.array([outcome.rewards for outcome in follow(running, actions)]) * -COST_UNIT
+    last = 7 * distance / PLAN_RATE
+    assert np.abs(paid[1:] / last[1:] - 1).max() < 0.3  # of 2 or 3 ticks of 2.5 on average
+    assert 0.9 < paid[1:].sum() / last[1:].sum() < 1.1
+    assert {outcome.cost.any() for outcome in follow(running, actions)} == {False}
+    # A running term that weighs nothing leaves the others as they were.
+    rewards = [outcome.rewards for outcome in follow(other, actions)]
+    np.testing.assert_allclose(np.diff(-7 * distance, axis=0) / COST_UNIT, rewards[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("term", ["gait", "fall"])
+def test_a_term_that_cannot_be_paid_for_is_refused(begin, term):
+    with pytest.raises(UsageError, match=f"running term '{term}'; valid: goal, gripper, velocity"):
+        begin(running=(term,))
 
 
 def test_time_that_is_up_begins_anew_and_is_no_end_in_itself(begin):

@@ -9,12 +9,12 @@ import pytest
 from sumo_dist.errors import UsageError
 from sumo_dist.learn.command import Options
 from sumo_dist.learn.environment import EnvironmentConfig
+from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.model.variation import Spread
 from sumo_dist.planner.learned import LearnedPolicy
 
 torch = pytest.importorskip("torch", reason="needs the extra train")
 
-from sumo_dist.learn.ppo import PPOConfig  # noqa: E402
 from sumo_dist.learn.train import Request, Training  # noqa: E402
 
 REQUEST = Request(
@@ -50,10 +50,12 @@ def test_a_seed_trains_the_same_weights_on_any_number_of_threads_and_another_see
     assert not np.array_equal(one.layers[0].weight, other.layers[0].weight)
 
 
-def test_a_training_goes_on_as_if_nothing_had_been_between(tmp_path):
-    whole, accounts = train(tmp_path / "whole", 5)
-    train(tmp_path / "parts", 2)
-    resumed, later = train(tmp_path / "parts", 5)
+@pytest.mark.parametrize("kl", [0.0, 0.01])
+def test_a_training_goes_on_as_if_nothing_had_been_between(tmp_path, kl):
+    request = replace(REQUEST, ppo=replace(REQUEST.ppo, kl=kl))
+    whole, accounts = train(tmp_path / "whole", 5, request=request)
+    train(tmp_path / "parts", 2, request=request)
+    resumed, later = train(tmp_path / "parts", 5, request=request)
     assert_equal_bits(whole, resumed)
     assert later == accounts[2:]
     rows = (tmp_path / "parts/progress.csv").read_text().splitlines()
