@@ -23,6 +23,16 @@ if TYPE_CHECKING:
     from sumo_dist.learn.train import Request, Training
 
 SAY_EVERY_S = 10.0
+LIMITS = {
+    "updates": (1, 10**7),
+    "envs": (1, 10**5),
+    "models": (1, 4096),
+    "kl": (0.0, 1.0),
+    "entropy": (0.0, 1.0),
+    "scatter": (0.0, 100.0),  # [m]
+    "time_limit": (0.1, 3600.0),  # [s]
+    "seed": (0, 2**31 - 1),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,23 +86,16 @@ class Options:
     engine: str = "auto"
 
     def __post_init__(self) -> None:
-        for name, least, most in (("updates", 1, 10**7), ("envs", 1, 10**5), ("models", 1, 4096)):
-            if not least <= getattr(self, name) <= most:
-                raise UsageError(f"--{name} must be from {least} to {most}")
+        for name, (least, most) in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                option = name.replace("_", "-")
+                raise UsageError(f"--{option} must be from {least} to {most}, got {value}")
         for name in ("mass", "size", "friction"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise UsageError(f"--{name} must be at least 0 and below 1: a relative deviation")
-        for name in ("kl", "entropy"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise UsageError(f"--{name} must be from 0 to 1")
-        if not 0.0 <= self.scatter <= 100.0:
-            raise UsageError(f"--scatter must be from 0 to 100 m, got {self.scatter}")
         if self.threads is not None and self.threads < 1:
             raise UsageError(f"--threads must be at least 1, got {self.threads}")
-        if self.time_limit is not None and not 0.1 <= self.time_limit <= 3600:
-            raise UsageError(f"--time-limit must be from 0.1 to 3600 s, got {self.time_limit}")
-        if not 0 <= self.seed < 2**31:
-            raise UsageError(f"--seed must be from 0 to 2^31 - 1, got {self.seed}")
 
     @property
     def environment(self) -> EnvironmentConfig:
