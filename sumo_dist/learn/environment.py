@@ -205,7 +205,8 @@ class Environment:
         weighed = self._cost.weights[:, None, None] * courses
         cost = weighed[~(self._once | self._running), :, -1].sum(axis=0)
         running = weighed[self._running].mean(axis=2).sum(axis=0)
-        return cost, running, courses[self._once].any(axis=2).any(axis=0)
+        fell = courses[self._once].max(axis=(0, 2), initial=0.0) > 0.0
+        return cost, running, fell
 
     def _held(self, success: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Ticks for which success has held, (B,), after some more (B, T); it stays once solved."""
