@@ -97,12 +97,12 @@ class CostTable:
         """
         settings = settings or self.defaults
         for text in weight:
-            name, numbers = _assignment("weight", text)
+            name, numbers = assignment("weight", text)
             if len(numbers) != 1:
                 raise UsageError(f"weight {text!r} needs one number")
             settings = self.with_weight(settings, name, numbers[0])
         for text in param:
-            name, numbers = _assignment("param", text)
+            name, numbers = assignment("param", text)
             settings = self.with_parameter(settings, name, numbers)
         return settings
 
@@ -139,7 +139,8 @@ class CostTable:
         return settings
 
 
-def _assignment(what: str, text: str) -> tuple[str, tuple[float, ...]]:
+def assignment(what: str, text: str) -> tuple[str, tuple[float, ...]]:
+    """Read "name=1" or "name=1,2"; a UsageError that begins with `what` if it is neither."""
     name, equals, values = text.partition("=")
     try:
         numbers = tuple(float(value) for value in values.split(","))

@@ -53,6 +53,7 @@ class Options:
         models: that have such deviations, among which the episodes are spread.
         running: cost terms that are paid per second, such as those of a gait; of the others a
             reward is what they change by.
+        noise: of the first actions whose names begin so, over what it would be, such as arm=0.1.
         kl: by how much an update should change the policy (mean KL divergence of its actions),
             which the learning rate follows; 0 keeps the rate.
         entropy: weight of the policy's entropy in what it learns.
@@ -77,6 +78,7 @@ class Options:
     scatter: float = 0.0
     models: int = 64
     running: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    noise: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     kl: float = PPOConfig.kl
     entropy: float = PPOConfig.entropy
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -121,7 +123,7 @@ class Options:
             task=task_source(self.task),
             seed=self.seed,
             environment=self.environment,
-            ppo=PPOConfig(kl=self.kl, entropy=self.entropy),
+            ppo=PPOConfig(noise=self.noise, kl=self.kl, entropy=self.entropy),
             weight=self.weight,
             param=self.param,
             settings=self.set,

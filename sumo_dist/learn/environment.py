@@ -20,6 +20,7 @@ from sumo_dist.learn.starts import Starts
 from sumo_dist.model.variation import Spread, draw
 from sumo_dist.planner.observation import Observer
 from sumo_dist.planner.problem import Problem
+from sumo_dist.robots.robot import ActionSpace
 from sumo_dist.timing import PLAN_RATE, TICK, TICK_RATE, anchor_tick
 
 COST_UNIT = 10.0  # cost that a reward of 1 takes away: sums over an episode are then about 10
@@ -142,15 +143,9 @@ class Environment:
         self._engine.close()
 
     @property
-    def stand(self) -> np.ndarray:
-        """The action (n,) of a robot that stands and waits, normalised."""
-        actions = self._problem.task.actions
-        return actions.unit(actions.default)
-
-    @property
-    def base(self) -> np.ndarray:
-        """Which of the actions (n,) are velocities of the base, bool."""
-        return self._problem.task.actions.base
+    def actions(self) -> ActionSpace:
+        """The task's; those of `step` are what is searched of them, normalised."""
+        return self._problem.task.actions
 
     def observe(self) -> np.ndarray:
         """Return the observations (B, size), float32."""
@@ -166,7 +161,7 @@ class Environment:
         rows, config = self._rows, self.config
         begin, end = (anchor_tick(self._action + k, config.rate) for k in (0, 1))
         self._action = (self._action + 1) % config.rate  # a second has whole actions
-        space = self._problem.task.actions
+        space = self.actions
         steady = np.repeat(np.clip(actions, -1.0, 1.0)[:, None], end - begin, axis=1)  # (B, T, n)
         physical = space.physical(steady)
         rollouts = self._engine.rollout(

@@ -46,9 +46,9 @@ class Learner:
         """Begin with a policy that stands, give or take the configured deviations."""
         torch.manual_seed(seed)
         self._environment, self._config = environment, config
-        self._stand = torch.from_numpy(environment.stand.astype(np.float32))
-        deviations = np.where(environment.base, config.base_deviation, config.deviation)
-        self._scale = torch.from_numpy(deviations.astype(np.float32))
+        space = environment.actions
+        self._stand = torch.from_numpy(space.unit(space.default).astype(np.float32))
+        self._scale = torch.from_numpy(config.deviations(space).astype(np.float32))
         observations = self._observations(environment.observe())
         count, actions = len(observations), len(self._stand)
         gaussian = {"class_name": "GaussianDistribution", "init_std": 1.0}  # before the scale

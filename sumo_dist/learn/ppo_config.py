@@ -2,6 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from sumo_dist.costs.table import assignment
+from sumo_dist.errors import UsageError, unknown
+from sumo_dist.robots.robot import ActionSpace
+
 
 @dataclass(frozen=True)
 class PPOConfig:
@@ -12,6 +18,8 @@ class PPOConfig:
         steps: actions of each episode between two updates.
         deviation: of the first actions from standing still, normalised.
         base_deviation: the same of the base's velocities: a robot that hardly walks learns nothing.
+        noise: the same of actions whose names begin alike, over what they would have, such as
+            "arm=0.1".
         learning_rate: of Adam, for both networks; where it is to follow, at first.
         kl: mean KL divergence of the actions that an update should come to, which the learning rate
             follows; 0: it stays.
@@ -25,6 +33,7 @@ class PPOConfig:
     steps: int = 16
     deviation: float = 0.3
     base_deviation: float = 0.7
+    noise: tuple[str, ...] = ()
     learning_rate: float = 3e-4
     kl: float = 0.0
     entropy: float = 0.001
@@ -32,3 +41,21 @@ class PPOConfig:
     decay: float = 0.95
     epochs: int = 5
     batches: int = 8
+
+    def deviations(self, actions: ActionSpace) -> np.ndarray:
+        """Return those of the first actions from standing still, (n,), normalised.
+
+        Raises:
+            UsageError: a noise is no positive number, or its name begins none of an action.
+        """
+        names = np.array(actions.names)[actions.searched]
+        deviations = np.where(actions.base, self.base_deviation, self.deviation)
+        for text in self.noise:
+            name, (share, *more) = assignment("noise", text)
+            chosen = np.char.startswith(names, name)
+            if not chosen.any():
+                raise unknown("noise", name, names.tolist())
+            if more or not 0.0 < share < np.inf:
+                raise UsageError(f"noise {text!r} needs one positive number")
+            deviations = np.where(chosen, share * deviations, deviations)
+        return deviations

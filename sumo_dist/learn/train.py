@@ -88,6 +88,7 @@ class Training:
         planner = PlannerConfig.resolve(task.planner, settings=request.settings)
         self._problem = Problem.build(task, planning_options(planner))
         cost = task.table.adjusted(request.weight, request.param)
+        request.ppo.deviations(task.actions)  # refused before anything is begun
         self._environment = Environment(
             *(self._problem, cost, request.environment, request.seed, threads, request.engine)
         )

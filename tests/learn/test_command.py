@@ -51,6 +51,9 @@ def test_says_what_to_install_where_the_learner_is_missing(tmp_path, monkeypatch
     [
         ({"task": "spot/fly"}, "unknown task 'spot/fly'"),
         ({"weight": ("gaol=3",)}, "gaol"),
+        ({"noise": ("leg=0.1",)}, "unknown noise 'leg'; valid: arm_"),
+        ({"noise": ("arm=0",)}, "noise 'arm=0' needs one positive number"),
+        ({"noise": ("arm",)}, "noise 'arm' is not of the form"),
         ({"running": ("gait",)}, "unknown running term 'gait'; valid: goal"),
     ],
 )

@@ -10,10 +10,15 @@ from sumo_dist.planner.observation import Observer
 from sumo_dist.timing import PLAN_RATE
 
 
+def standing(environment):
+    """The action (n,) of a robot that stands and waits, normalised."""
+    return environment.actions.unit(environment.actions.default)
+
+
 def pushes(environment, steps, seed=0):
     """Actions (steps, B, n) near standing, the base's the wildest."""
     rng = np.random.default_rng(seed)
-    stand = environment.stand
+    stand = standing(environment)
     return stand + rng.normal(0.0, 0.1, (steps, environment.config.count, len(stand)))
 
 
@@ -119,7 +124,7 @@ def test_success_ends_an_episode_and_takes_the_rest_of_the_cost_away(begin):
     environment = begin(param=["success_radius=1.0", "success_speed=1.0", "goal=0,0"])
     place = environment.state()["rows"]["states"]
     place[:, 26:28] = 0.8, 0.0  # boxes within the radius
-    outcome = environment.step(np.tile(environment.stand, (environment.config.count, 1)))
+    outcome = environment.step(np.tile(standing(environment), (environment.config.count, 1)))
     assert outcome.solved.all()
     assert outcome.ended.all()
     assert not outcome.timed_out.any()
@@ -129,7 +134,7 @@ def test_a_fall_costs_what_the_term_weighs_and_ends_the_episode(begin):
     environment = begin(weight=["fall=250"])
     rows = environment.state()["rows"]["states"]
     rows[0, 2], rows[0, 3:7] = 0.2, (np.cos(0.7), np.sin(0.7), 0.0, 0.0)  # on its side
-    outcome = environment.step(np.tile(environment.stand, (environment.config.count, 1)))
+    outcome = environment.step(np.tile(standing(environment), (environment.config.count, 1)))
     assert list(outcome.fell) == [True] + [False] * 5
     assert outcome.rewards[0] == -250.0 / COST_UNIT
 
@@ -137,7 +142,7 @@ def test_a_fall_costs_what_the_term_weighs_and_ends_the_episode(begin):
 def test_a_rollout_that_diverges_counts_as_a_fall(begin):
     environment = begin()
     environment.state()["rows"]["states"][2, 33:] = 1e6  # velocities
-    outcome = environment.step(np.tile(environment.stand, (environment.config.count, 1)))
+    outcome = environment.step(np.tile(standing(environment), (environment.config.count, 1)))
     assert outcome.fell[2]
     assert np.isfinite(outcome.rewards).all()
     assert np.isfinite(outcome.observations).all()
@@ -145,7 +150,7 @@ def test_a_rollout_that_diverges_counts_as_a_fall(begin):
 
 def test_actions_beyond_the_limits_are_the_limits(begin):
     one, two = begin(), begin()
-    far = np.full((one.config.count, len(one.stand)), 7.0)
+    far = np.full((one.config.count, len(standing(one))), 7.0)
     ours, theirs = one.step(far), two.step(np.ones_like(far))
     np.testing.assert_array_equal(ours.observations, theirs.observations)
 
@@ -154,5 +159,5 @@ def test_actions_beyond_the_limits_are_the_limits(begin):
 def test_a_second_of_robot_time_has_as_many_actions_as_the_rate(begin, rate):
     environment = begin(count=1, rate=rate)
     for _ in range(rate):
-        environment.step(environment.stand[None])
+        environment.step(standing(environment)[None])
     assert environment.state()["rows"]["age"][0] == 50

@@ -12,6 +12,7 @@ from sumo_dist.learn.environment import EnvironmentConfig
 from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.model.variation import Spread
 from sumo_dist.planner.learned import LearnedPolicy
+from sumo_dist.tasks import load_task
 
 torch = pytest.importorskip("torch", reason="needs the extra train")
 
@@ -60,6 +61,20 @@ def test_a_training_goes_on_as_if_nothing_had_been_between(tmp_path, kl):
     assert later == accounts[2:]
     rows = (tmp_path / "parts/progress.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["update", *"12345"]
+
+
+def test_the_first_noise_is_less_where_it_is_asked_for():
+    """An arm's noise at the gripper hides what legs do to its distance."""
+    actions = load_task("spot/joints_move_box").actions
+    usual = PPOConfig().deviations(actions)
+    calm = PPOConfig(noise=("arm=0.1", "arm_sh0=0.5")).deviations(actions)
+    is_arm = np.char.startswith(np.array(actions.names), "arm")
+    assert is_arm.sum() == 6
+    expected = np.where(is_arm, 0.1, 1.0)
+    expected[actions.names.index("arm_sh0")] = 0.05
+    np.testing.assert_allclose(calm / usual, expected)
+    wide = PPOConfig().deviations(load_task("spot/move_box").actions)
+    np.testing.assert_array_equal(wide, [0.7] * 3 + [0.3] * 6)
 
 
 def test_the_policy_that_is_written_is_the_learners(tmp_path):
