@@ -214,7 +214,10 @@ class Environment:
     def _rewards(
         self, cost: np.ndarray, paid: np.ndarray, solved: np.ndarray, fell: np.ndarray
     ) -> np.ndarray:
-        """By how much the cost fell, (B,): to 0 if solved, and it rises by all that counts once."""
+        """By how much the cost fell, (B,), less what running terms cost in this action, `paid`.
+
+        If solved it fell to 0; a fall is all that counts once, and nothing else.
+        """
         before = np.where(np.isnan(self._rows.cost), cost, self._rows.cost)
         after = np.where(solved, 0.0, cost)
         once = float(self._cost.weights[self._once].sum())
