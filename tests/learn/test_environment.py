@@ -76,10 +76,7 @@ def test_rewards_add_up_to_the_cost_that_was_taken_away(begin):
 
 
 def test_running_terms_are_paid_for_as_long_as_they_last(begin):
-    """Terms of an action: the others' differences, and of the running ones their means times 0.1 s.
-
-    The second and third action of a second are of 2 and 3 ticks each, as the first and second.
-    """
+    """What is paid is the mean over an action's ticks, 2 or 3 of them, times how long it lasts."""
     plain, running, other = (
         begin(weight=("goal=0", "gripper=7", "velocity=0"), running=terms)
         for terms in ((), ("gripper",), ("goal",))
