@@ -84,7 +84,7 @@ class _Rows:
         memory: (B, nm) float32, of the low-level policy.
         models: (B,) numbers of their models.
         age: (B,) ticks since the start.
-        held: (B,) ticks for which success has held.
+        held: (B,) ticks for which success has held since it came about; -1 where it does not hold.
         cost: (B,) as of `Outcome`; NaN at a start, which no action led to.
     """
 
@@ -133,7 +133,7 @@ class Environment:
         self._anew = problem.policy.initial_memory()
         self._action = 0  # number of the next action, the same of all episodes
         task = problem.task
-        self._hold = max(1, round(task.success_hold / TICK))
+        self._hold = round(task.success_hold / TICK)
         self._rows = self._begin(config.count)
 
     def __enter__(self) -> Self:
@@ -208,7 +208,7 @@ class Environment:
         held = self._rows.held
         for tick in range(success.shape[1]):
             goes_on = (success[:, tick] & valid) | (held >= self._hold)
-            held = np.where(goes_on, held + 1, 0)
+            held = np.where(goes_on, held + 1, -1)
         return held
 
     def _rewards(
@@ -235,7 +235,7 @@ class Environment:
         states, models = self._starts.draw(count, self._rng)
         none = np.zeros(count, int)
         memory = np.tile(self._anew, (count, 1))
-        return _Rows(states, memory, models, none, none.copy(), np.full(count, np.nan))
+        return _Rows(states, memory, models, none, none - 1, np.full(count, np.nan))
 
 
 def _kinds(terms: Sequence[CostTerm], running: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from sumo_dist.costs.terms import CostTerm, norm
 from sumo_dist.costs.view import View
 from sumo_dist.model.frames import FrameRef
 from sumo_dist.model.scene import SceneObject
-from sumo_dist.policies.spot_layout import LEG_JOINTS
+from sumo_dist.policies.spot_layout import KD, KP, LEG_JOINTS
 from sumo_dist.robots.joint_actions import joint_actions
 from sumo_dist.robots.spot import SPOT, STANDING
 from sumo_dist.tasks.reset import Start
@@ -29,7 +29,6 @@ SWING = {"front_left": 0.0, "rear_left": 0.5, "front_right": 0.5, "rear_right": 
 FOOT_RADIUS = 0.036  # [m]
 MASS_AHEAD = 0.088  # of the torso's origin, in the stance: the centre of all mass [m]
 GRAVITY = 9.81  # [m/s^2]
-STIFFNESS, DAMPING = 60.0, 1.5  # of the legs' servos [N m/rad, N m s/rad]
 SPREAD = (2.0, 1.0, 1.0) * 4  # how much a leg's joints count in the posture: hx, hy, kn
 PHASE = "metronome/phase"  # joint that turns once a step
 REACH = 0.8  # of a joint's target [rad]
@@ -55,8 +54,9 @@ def legs(r: View) -> np.ndarray:
 def torques(r: View) -> np.ndarray:
     """What is asked of the legs' servos at the end of each step, (B, T, 12) [N m]."""
     joints = [r.joints[name] for name in LEG_JOINTS]
+    servos = zip(joints, KP, KD, strict=False)  # the arm's come after those of the legs
     return np.stack(
-        [STIFFNESS * (joint.target - joint.pos) - DAMPING * joint.vel for joint in joints], axis=-1
+        [kp * (joint.target - joint.pos) - kd * joint.vel for joint, kp, kd in servos], axis=-1
     )
 
 

@@ -35,7 +35,7 @@ def begin(problem):
     """Make an environment of a few episodes of the box task; all of them are closed."""
     made = []
 
-    def begin(weight=(), param=(), threads=1, seed=1, **changes):
+    def begin(weight=(), param=(), threads=1, seed=1, problem=problem, **changes):
         cost = problem.task.table.adjusted(weight, param)
         made.append(Environment(problem, cost, replace(SMALL, **changes), seed, threads))
         return made[-1]

@@ -1,13 +1,17 @@
+from dataclasses import replace
+from itertools import count
+
 import numpy as np
 import pytest
 
+from sumo_dist.episode.referee import Referee
 from sumo_dist.errors import UsageError
 from sumo_dist.learn.environment import COST_UNIT
 from sumo_dist.model.variation import Spread
 from sumo_dist.planner.config import PlannerConfig
 from sumo_dist.planner.evaluate import Evaluator
 from sumo_dist.planner.observation import Observer
-from sumo_dist.timing import PLAN_RATE
+from sumo_dist.timing import PLAN_RATE, TICK, anchor_tick
 
 
 def standing(environment):
@@ -117,14 +121,35 @@ def test_staggered_episodes_end_at_different_times(begin):
     assert max(ends) < 10
 
 
+EASY = "success_radius=1.0", "success_speed=1.0", "goal=0,0"
+
+
+def stand_at_the_goal(environment):
+    """Put the boxes within the radius; return the action by which the robots stand."""
+    environment.state()["rows"]["states"][:, 26:28] = 0.8, 0.0
+    return np.tile(standing(environment), (environment.config.count, 1))
+
+
 def test_success_ends_an_episode_and_takes_the_rest_of_the_cost_away(begin):
-    environment = begin(param=["success_radius=1.0", "success_speed=1.0", "goal=0,0"])
-    place = environment.state()["rows"]["states"]
-    place[:, 26:28] = 0.8, 0.0  # boxes within the radius
-    outcome = environment.step(np.tile(standing(environment), (environment.config.count, 1)))
+    environment = begin(param=EASY)
+    outcome = environment.step(stand_at_the_goal(environment))
     assert outcome.solved.all()
     assert outcome.ended.all()
     assert not outcome.timed_out.any()
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 3, 5])
+def test_success_must_hold_for_as_long_as_the_referee_asks(begin, problem, ticks):
+    task = replace(problem.task, success_hold=ticks * TICK)
+    environment = begin(param=EASY, problem=replace(problem, task=task))
+    stand = stand_at_the_goal(environment)
+    referee = Referee(task, problem.model)
+    referee.parameters = task.table.adjusted((), EASY).parameters
+    state = environment.state()["rows"]["states"][0].copy()
+    expected = next(tick for tick in count(1) if referee.verdict(tick, state))
+    solved = next(n for n in count(1) if environment.step(stand).solved.all())
+    first, last = (anchor_tick(n, PLAN_RATE) for n in (solved - 1, solved))
+    assert first < expected <= last
 
 
 def test_a_fall_costs_what_the_term_weighs_and_ends_the_episode(begin):
