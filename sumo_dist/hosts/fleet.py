@@ -15,7 +15,7 @@ from sumo_dist.hosts.protocol import Order, starting
 from sumo_dist.hosts.remote import Shell, printable, unreachable
 from sumo_dist.hosts.task_files import TaskFiles
 from sumo_dist.launch.deployment import Deployment
-from sumo_dist.launch.launcher import STOP_S, cause
+from sumo_dist.launch.launcher import FINISH_S, STOP_S, cause
 from sumo_dist.terminal import say
 
 HELLO_S = 60.0  # until an agent is there
@@ -97,7 +97,7 @@ class Fleet:
         has_tracer = carrier(self._inventory, "tracer") and self._deployment.viewer is not None
         self._stopping = True
         if ROBOT in self._ended and has_tracer:
-            self._wait(lambda: "tracer" in self._ended, STOP_S)  # it ends by itself
+            self._wait(lambda: "tracer" in self._ended, FINISH_S)  # it ends by itself
         robot = [link for link in self._links.values() if "robot" in link.host.roles]
         for links in (robot, list(self._links.values())):
             for link in links:

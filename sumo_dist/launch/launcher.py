@@ -20,6 +20,7 @@ from sumo_dist.wire.session import checked_endpoint
 
 PARENT = "SUMO_DIST_PARENT"  # a service whose launcher dies ends too
 STOP_S = 5.0  # services get this long to end before they are killed
+FINISH_S = 20.0  # and those that end by themselves: a tracer may have much left to write
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class Launcher:
     def let_finish(self, name: str) -> None:
         """Give a service that ends by itself the time to do so."""
         with suppress(subprocess.TimeoutExpired):
-            self._services[name][1].wait(STOP_S)
+            self._services[name][1].wait(FINISH_S)
 
     def _note(self, service: Service, code: int) -> None:
         if service.vital:
@@ -125,17 +126,18 @@ class Launcher:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Ask all to end, last started first; kill what does not."""
-        running = [p for _, p in reversed(self._services.values()) if p.poll() is None]
-        for process in running:
+        """Ask all to end, last started first; kill what does not, and say so."""
+        running = [each for each in reversed(self._services.values()) if each[1].poll() is None]
+        for _, process in running:
             process.terminate()
         deadline = time.monotonic() + STOP_S
-        for process in running:
+        for service, process in running:
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)  # with what it has started itself
                 process.wait()
+                say(f"sumo-dist: {service.name} did not end within {STOP_S:g} s and was killed")
         for process in self._started:
             if (process.poll() or 0) < 0:  # killed: what it has started itself lives on
                 _end_group(process.pid)

@@ -68,13 +68,14 @@ def test_stops_what_it_has_started(endpoint):
     assert router.returncode == 0
 
 
-def test_kills_what_does_not_stop(endpoint, monkeypatch):
+def test_kills_what_does_not_stop_and_says_so(endpoint, monkeypatch, capfd):
     monkeypatch.setattr("sumo_dist.launch.launcher.STOP_S", 0.3)
     with Launcher() as launcher:
         router = launcher.start(Service("router", "router", Router(endpoint)))
         Bus.dial(endpoint, "spot").close()
         router.send_signal(signal.SIGSTOP)
     assert router.returncode == -signal.SIGKILL
+    assert "sumo-dist: router did not end within 0.3 s and was killed" in capfd.readouterr().err
 
 
 def test_returns_the_exit_code_of_what_it_waits_for(endpoint):

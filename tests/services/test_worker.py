@@ -295,7 +295,7 @@ def test_more_rows_than_a_plan_has_are_refused(cache, asked, config):
 
 def test_a_second_worker_of_the_same_name_ends_with_an_error_that_says_so(router, robot):
     stop = threading.Event()
-    options = WorkerOptions(connect=router, name="twin")
+    options = WorkerOptions(connect=router, name="twin", give_way=False)  # this is our process
     first = threading.Thread(target=run, args=(options, stop))
     with Bus.dial(router, robot) as bus:
         seen = threading.Event()
