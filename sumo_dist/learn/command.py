@@ -44,6 +44,8 @@ class Options:
         out: folder of the training; one that was killed goes on from it. It gets policy.onnx, for
             `sumo-dist run --policy-file`.
         updates: of the policy, after which it ends; more may be asked for later.
+        start: folder of another training, whose policy this one begins with; the noise is anew. It
+            must stay as it is.
         seed: of starts, variations and learner.
         envs: episodes at a time.
         time_limit: of an episode [s]; by default the task's.
@@ -69,6 +71,7 @@ class Options:
     task: Annotated[str, tyro.conf.Positional]
     out: Path
     updates: int = 1000
+    start: Path | None = None
     seed: int = 1
     envs: int = 512
     time_limit: float | None = None
@@ -117,7 +120,7 @@ class Options:
     @property
     def request(self) -> "Request":
         """All that decides the weights; it needs torch."""
-        from sumo_dist.learn.train import Request
+        from sumo_dist.learn.train import Request, state_hash
 
         return Request(
             task=task_source(self.task),
@@ -128,6 +131,7 @@ class Options:
             param=self.param,
             settings=self.set,
             engine=self.engine,
+            start="" if self.start is None else state_hash(self.start),
         )
 
 
@@ -137,7 +141,7 @@ def main(options: Options) -> int:
     from sumo_dist.learn.train import Training
 
     threads = cores() if options.threads is None else options.threads
-    with Training(options.out, options.request, threads) as training:
+    with Training(options.out, options.request, threads, options.start) as training:
         if training.effort.updates:
             say(f"{options.out} has {training.effort.updates} updates; it goes on")
         try:

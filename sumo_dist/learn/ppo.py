@@ -9,8 +9,10 @@ import torch  # pyright: ignore[reportMissingImports]
 from rsl_rl.algorithms import PPO  # pyright: ignore[reportMissingImports]
 from rsl_rl.models import MLPModel  # pyright: ignore[reportMissingImports]
 from rsl_rl.modules import EmpiricalNormalization  # pyright: ignore[reportMissingImports]
+from rsl_rl.modules.distribution import GaussianDistribution  # pyright: ignore[reportMissingImports]
 from rsl_rl.storage import RolloutStorage  # pyright: ignore[reportMissingImports]
 from tensordict import TensorDict  # pyright: ignore[reportMissingImports]
+from torch import nn  # pyright: ignore[reportMissingImports]
 
 from sumo_dist.learn.environment import Environment, Outcome
 from sumo_dist.learn.layers import layers_of
@@ -70,6 +72,22 @@ class Learner:
             desired_kl=config.kl,
             use_clipped_value_loss=False,
         )
+
+    def begin_with(self, state: Mapping[str, Any], deviations: np.ndarray) -> None:
+        """Begin with the networks of another learner, and with the configured noise.
+
+        Args:
+            state: what its `state` returned.
+            deviations: (n,) of its first actions, see `PPOConfig.deviations`.
+        """
+        self._ppo.load(dict(state["ppo"]), {"actor": True, "critic": True}, strict=True)
+        share = torch.from_numpy(deviations.astype(np.float32)) / self._scale
+        last, distribution = self._actor.mlp[-1], self._actor.distribution
+        assert isinstance(last, nn.Linear) and isinstance(distribution, GaussianDistribution)
+        with torch.no_grad():
+            last.weight.mul_(share[:, None])
+            last.bias.mul_(share)
+            distribution.std_param.fill_(1.0)
 
     def update(self) -> Account:
         """Gather experience with the policy as it is, then make it better."""

@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,7 +17,7 @@ from sumo_dist.learn.environment import Environment, EnvironmentConfig
 from sumo_dist.learn.ppo import Account, Learner
 from sumo_dist.learn.ppo_config import PPOConfig
 from sumo_dist.planner.config import PlannerConfig
-from sumo_dist.planner.learned import Contract, LearnedPolicy
+from sumo_dist.planner.learned import Contract, LearnedPolicy, read_contract
 from sumo_dist.planner.problem import Problem, planning_options
 from sumo_dist.provenance import provenance
 from sumo_dist.tasks import load_task
@@ -37,6 +38,7 @@ class Request:
         weight, param: of the task's cost, in place of its own, such as "fall=250".
         settings: of the planning model, "key=value", see `PlannerConfig`.
         engine: kind of rollout engine.
+        start: SHA-256 of the state of the training that it begins with, "" if it begins anew.
     """
 
     task: str
@@ -47,6 +49,7 @@ class Request:
     param: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
     engine: str = "auto"
+    start: str = ""
 
     def to_json(self) -> str:
         """Return it as a text that differs if anything does."""
@@ -70,16 +73,20 @@ class Effort:
 class Training:
     """A training and its folder; a context manager."""
 
-    def __init__(self, folder: Path, request: Request, threads: int) -> None:
+    def __init__(
+        self, folder: Path, request: Request, threads: int, start: Path | None = None
+    ) -> None:
         """Begin, or go on from what is in the folder.
 
         Args:
             folder: gets request.json, progress.csv, training.pt and policy.onnx.
             request: what decides the weights.
             threads: of the rollouts; equal requests give equal bits on any number of them.
+            start: folder of the training that it begins with, which the request names.
 
         Raises:
             UsageError: the folder holds another training, or the request does not fit the task.
+            PolicyError: the training that it should begin with is of another kind of task.
         """
         _check(folder, request)
         torch.set_num_threads(1)  # sums over threads would depend on their number
@@ -89,6 +96,9 @@ class Training:
         self._problem = Problem.build(task, planning_options(planner))
         cost = task.table.adjusted(request.weight, request.param)
         request.ppo.deviations(task.actions)  # refused before anything is begun
+        self._start = None if start is None else read_contract(start / POLICY)
+        if self._start is not None:
+            self._start.check(self._problem)
         self._environment = Environment(
             *(self._problem, cost, request.environment, request.seed, threads, request.engine)
         )
@@ -100,6 +110,8 @@ class Training:
         self.effort = Effort()
         if (folder / STATE).exists():
             self._restore()
+        elif start is not None:
+            self._begin_with(start)
 
     def __enter__(self) -> Self:
         return self
@@ -133,18 +145,28 @@ class Training:
     @property
     def policy(self) -> LearnedPolicy:
         """The policy as it is now, without noise."""
-        rate, actions = self._request.environment.rate, self.actions_per_update
-        origin = {
-            "trained": json.loads(self._request.to_json()),
-            "updates": self.effort.updates,
-            "actions": self.effort.updates * actions,
-            "robot_hours": round(self.effort.updates * actions / rate / 3600, 2),
-            "wall_s": round(self.effort.wall_s),
-            "cpu_s": round(self.effort.cpu_s),
-            **self._made_with,
+        rate, effort = self._request.environment.rate, self.effort
+        actions = effort.updates * self.actions_per_update
+        taken = {
+            "updates": effort.updates,
+            "actions": actions,
+            "robot_hours": round(actions / rate / 3600, 2),
+            "wall_s": round(effort.wall_s),
+            "cpu_s": round(effort.cpu_s),
         }
+        origin = {"trained": json.loads(self._request.to_json()), **taken, **self._made_with}
+        if self._start is not None:  # what a policy has taken is all that it has taken
+            before = self._start.origin
+            origin |= {name: before[name] + value for name, value in taken.items()}
+            origin["began_with"] = before
         contract = Contract.of(self._problem, (0.0,), rate, origin)
         return LearnedPolicy(contract, self._learner.layers)
+
+    def _begin_with(self, start: Path) -> None:
+        """Take over the networks of the training in a folder."""
+        ppo = PPOConfig(**json.loads((start / REQUEST).read_text())["ppo"])
+        state = torch.load(start / STATE, weights_only=True)
+        self._learner.begin_with(state["learner"], ppo.deviations(self._problem.task.actions))
 
     def _keep(self) -> None:
         """Write down all that going on needs, and the policy as it is."""
@@ -176,6 +198,18 @@ class Training:
             if effort.updates == 1:
                 table.writeheader()
             table.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+def state_hash(folder: Path) -> str:
+    """SHA-256 of all that a training in a folder has come to.
+
+    Raises:
+        UsageError: there is none.
+    """
+    missing = [name for name in (STATE, REQUEST, POLICY) if not (folder / name).is_file()]
+    if missing:
+        raise UsageError(f"{folder} holds no training to begin with: it has no {missing[0]}")
+    return sha256((folder / STATE).read_bytes()).hexdigest()
 
 
 def _check(folder: Path, request: Request) -> None:

@@ -2,11 +2,12 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from sumo_dist.errors import UsageError
+from sumo_dist.errors import PolicyError, UsageError
 from sumo_dist.learn.command import Options
 from sumo_dist.learn.environment import EnvironmentConfig
 from sumo_dist.learn.ppo_config import PPOConfig
@@ -16,7 +17,7 @@ from sumo_dist.tasks import load_task
 
 torch = pytest.importorskip("torch", reason="needs the extra train")
 
-from sumo_dist.learn.train import Request, Training  # noqa: E402
+from sumo_dist.learn.train import Request, Training, state_hash  # noqa: E402
 
 REQUEST = Request(
     "spot/move_box",
@@ -29,9 +30,9 @@ REQUEST = Request(
 )
 
 
-def train(folder, updates, threads=1, request=REQUEST):
+def train(folder, updates, threads=1, request=REQUEST, start=None):
     accounts = []
-    with Training(folder, request, threads) as training:
+    with Training(folder, request, threads, start) as training:
         training.run(updates, lambda number, account: accounts.append((number, account)))
         return training.policy, accounts
 
@@ -84,6 +85,46 @@ def test_the_policy_that_is_written_is_the_learners(tmp_path):
     assert read.contract == policy.contract
     assert read.contract.origin["actions"] == 2 * 8 * 4
     assert read.contract.origin["trained"]["weight"] == ["fall=250"]
+
+
+def test_a_training_begins_with_the_policy_of_another_and_with_the_noise_it_is_given(tmp_path):
+    first, _ = train(tmp_path / "first", 3)
+    noise = ("base=0.5", "arm=2")  # by which the network's outputs are scaled, too
+    request = replace(
+        REQUEST,
+        ppo=replace(REQUEST.ppo, noise=noise),
+        weight=(*REQUEST.weight, "goal=90"),
+        start=state_hash(tmp_path / "first"),
+    )
+    begin = partial(train, request=request, start=tmp_path / "first")
+    begun, _ = begin(tmp_path / "second", 0)
+    for ours, theirs in zip(begun.layers, first.layers, strict=True):
+        np.testing.assert_allclose(ours.weight, theirs.weight, rtol=1e-5)
+        np.testing.assert_allclose(ours.bias, theirs.bias, rtol=1e-5)
+    whole, accounts = begin(tmp_path / "second", 2)
+    assert accounts[0][1].deviation == pytest.approx(1.0, abs=0.05)
+    # It goes on as any training does, and another one would not.
+    begin(tmp_path / "parts", 1)
+    resumed, _ = begin(tmp_path / "parts", 2)
+    assert_equal_bits(whole, resumed)
+    other, _ = train(tmp_path / "other", 2, request=replace(request, start=""))
+    assert not np.array_equal(whole.layers[0].weight, other.layers[0].weight)
+    # What a policy has taken is told of both.
+    origin = whole.contract.origin
+    assert (origin["updates"], origin["actions"]) == (5, 5 * 8 * 4)
+    assert origin["began_with"] == first.contract.origin
+
+
+def test_what_is_no_training_to_begin_with_is_refused(tmp_path):
+    with pytest.raises(
+        UsageError, match=r"holds no training to begin with: it has no training\.pt"
+    ):
+        state_hash(tmp_path)
+    train(tmp_path / "box", 1)
+    joints = replace(REQUEST, task="spot/joints_move_box", start=state_hash(tmp_path / "box"))
+    with pytest.raises(PolicyError, match="a learned policy whose low level is"):
+        train(tmp_path / "joints", 1, request=joints, start=tmp_path / "box")
+    assert not (tmp_path / "joints").exists()
 
 
 def test_a_folder_keeps_its_training(tmp_path):
