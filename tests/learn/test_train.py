@@ -116,9 +116,7 @@ def test_a_training_begins_with_the_policy_of_another_and_with_the_noise_it_is_g
 
 
 def test_what_is_no_training_to_begin_with_is_refused(tmp_path):
-    with pytest.raises(
-        UsageError, match=r"holds no training to begin with: it has no training\.pt"
-    ):
+    with pytest.raises(UsageError, match=r"no training to begin with: it has no training\.pt"):
         state_hash(tmp_path)
     train(tmp_path / "box", 1)
     joints = replace(REQUEST, task="spot/joints_move_box", start=state_hash(tmp_path / "box"))
