@@ -56,6 +56,8 @@ class Options:
         running: cost terms that are paid per second, such as those of a gait; of the others a
             reward is what they change by.
         noise: of the first actions whose names begin so, over what it would be, such as arm=0.1.
+        stand: of the first actions, in place of the task's of a robot that stands, in the action's
+            unit, such as arm_sh1=-0.3.
         kl: by how much an update should change the policy (mean KL divergence of its actions),
             which the learning rate follows; 0 keeps the rate.
         entropy: weight of the policy's entropy in what it learns.
@@ -82,6 +84,7 @@ class Options:
     models: int = 64
     running: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     noise: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    stand: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     kl: float = PPOConfig.kl
     entropy: float = PPOConfig.entropy
     weight: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -126,7 +129,7 @@ class Options:
             task=task_source(self.task),
             seed=self.seed,
             environment=self.environment,
-            ppo=PPOConfig(noise=self.noise, kl=self.kl, entropy=self.entropy),
+            ppo=PPOConfig(noise=self.noise, stand=self.stand, kl=self.kl, entropy=self.entropy),
             weight=self.weight,
             param=self.param,
             settings=self.set,

@@ -49,7 +49,7 @@ class Learner:
         torch.manual_seed(seed)
         self._environment, self._config = environment, config
         space = environment.actions
-        self._stand = torch.from_numpy(space.unit(space.default).astype(np.float32))
+        self._stand = torch.from_numpy(config.standing(space).astype(np.float32))
         self._scale = torch.from_numpy(config.deviations(space).astype(np.float32))
         observations = self._observations(environment.observe())
         count, actions = len(observations), len(self._stand)
@@ -74,7 +74,9 @@ class Learner:
         )
 
     def begin_with(self, state: Mapping[str, Any], deviations: np.ndarray) -> None:
-        """Begin with the networks of another learner, and with the configured noise.
+        """Begin with the networks of another learner, around what is configured of this one.
+
+        So its first actions differ from the other's by how both stand, and have this one's noise.
 
         Args:
             state: what its `state` returned.

@@ -20,6 +20,8 @@ class PPOConfig:
         base_deviation: the same of the base's velocities: a robot that hardly walks learns nothing.
         noise: the same of actions whose names begin alike, over what they would have, such as
             "arm=0.1".
+        stand: of the first actions, in place of the task's of a robot that stands, such as
+            "arm_sh1=-0.3", in the action's unit.
         learning_rate: of Adam, for both networks; where it is to follow, at first.
         kl: mean KL divergence of the actions that an update should come to, which the learning rate
             follows; 0: it stays.
@@ -34,6 +36,7 @@ class PPOConfig:
     deviation: float = 0.3
     base_deviation: float = 0.7
     noise: tuple[str, ...] = ()
+    stand: tuple[str, ...] = ()
     learning_rate: float = 3e-4
     kl: float = 0.0
     entropy: float = 0.001
@@ -41,6 +44,21 @@ class PPOConfig:
     decay: float = 0.95
     epochs: int = 5
     batches: int = 8
+
+    def standing(self, actions: ActionSpace) -> np.ndarray:
+        """Return the first actions without their noise, (n,), normalised.
+
+        Raises:
+            UsageError: it names no action of the task, or a value beyond its limits.
+        """
+        for text in self.stand:
+            name, (value, *more) = assignment("stand", text)
+            actions = actions.within(name, default=value)
+            i = actions.names.index(name)
+            if more or not actions.lower[i] <= value <= actions.upper[i]:
+                limits = f"{actions.lower[i]:.3g} to {actions.upper[i]:.3g}"
+                raise UsageError(f"stand {text!r} needs one number from {limits}")
+        return actions.unit(actions.default)
 
     def deviations(self, actions: ActionSpace) -> np.ndarray:
         """Return those of the first actions from standing still, (n,), normalised.

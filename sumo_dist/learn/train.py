@@ -95,7 +95,8 @@ class Training:
         planner = PlannerConfig.resolve(task.planner, settings=request.settings)
         self._problem = Problem.build(task, planning_options(planner))
         cost = task.table.adjusted(request.weight, request.param)
-        request.ppo.deviations(task.actions)  # refused before anything is begun
+        for read in (request.ppo.deviations, request.ppo.standing):
+            read(task.actions)  # refused before anything is begun
         self._start = None if start is None else read_contract(start / POLICY)
         if self._start is not None:
             self._start.check(self._problem)

@@ -54,6 +54,9 @@ def test_says_what_to_install_where_the_learner_is_missing(tmp_path, monkeypatch
         ({"noise": ("leg=0.1",)}, "unknown noise 'leg'; valid: arm_"),
         ({"noise": ("arm=0",)}, "noise 'arm=0' needs one positive number"),
         ({"noise": ("arm",)}, "noise 'arm' is not of the form"),
+        ({"stand": ("arm=0.1",)}, "unknown dimension of an action 'arm'; valid: "),
+        ({"stand": ("arm_sh0=9",)}, r"stand 'arm_sh0=9' needs one number from -\d.* to \d"),
+        ({"stand": ("arm_sh1=1,2",)}, "stand 'arm_sh1=1,2' needs one number"),
         ({"running": ("gait",)}, "unknown running term 'gait'; valid: goal"),
     ],
 )

@@ -78,6 +78,22 @@ def test_the_first_noise_is_less_where_it_is_asked_for():
     np.testing.assert_array_equal(wide, [0.7] * 3 + [0.3] * 6)
 
 
+def test_the_first_actions_are_a_stance_of_ones_own_if_one_is_named(tmp_path):
+    space = load_task("spot/move_box").actions
+    ppo = replace(REQUEST.ppo, stand=("arm_sh1=-1.5", "arm_wr0=0.5"))
+    lowered = ppo.standing(space)
+    physical = space.physical(lowered)
+    assert (physical[space.names.index("arm_sh1")], physical[-2]) == pytest.approx((-1.5, 0.5))
+    usual = REQUEST.ppo.standing(space)
+    assert np.flatnonzero(lowered != usual).tolist() == [4, 7]
+    policies = [
+        train(tmp_path / str(i), 0, request=replace(REQUEST, ppo=each))[0]
+        for i, each in enumerate((REQUEST.ppo, ppo))
+    ]
+    biases = [policy.layers[-1].bias for policy in policies]
+    np.testing.assert_allclose(biases[1] - biases[0], lowered - usual, atol=1e-6)
+
+
 def test_the_policy_that_is_written_is_the_learners(tmp_path):
     policy, _ = train(tmp_path / "run", 2)
     read = LearnedPolicy.load(tmp_path / "run/policy.onnx")
