@@ -80,10 +80,10 @@ def test_the_first_noise_is_less_where_it_is_asked_for():
 
 def test_the_first_actions_are_a_stance_of_ones_own_if_one_is_named(tmp_path):
     space = load_task("spot/move_box").actions
-    ppo = replace(REQUEST.ppo, stand=("arm_sh1=-1.5", "arm_wr0=0.5"))
+    ppo = replace(REQUEST.ppo, stand=("arm_sh1=-1.5", "arm_wr0=-0.5"))
     lowered = ppo.standing(space)
     physical = space.physical(lowered)
-    assert (physical[space.names.index("arm_sh1")], physical[-2]) == pytest.approx((-1.5, 0.5))
+    assert (physical[space.names.index("arm_sh1")], physical[-2]) == pytest.approx((-1.5, -0.5))
     usual = REQUEST.ppo.standing(space)
     assert np.flatnonzero(lowered != usual).tolist() == [4, 7]
     policies = [
