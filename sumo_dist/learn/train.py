@@ -158,7 +158,7 @@ class Training:
         origin = {"trained": json.loads(self._request.to_json()), **taken, **self._made_with}
         if self._start is not None:  # what a policy has taken is all that it has taken
             before = self._start.origin
-            origin |= {name: before[name] + value for name, value in taken.items()}
+            origin |= {name: round(before[name] + value, 2) for name, value in taken.items()}
             origin["began_with"] = before
         contract = Contract.of(self._problem, (0.0,), rate, origin)
         return LearnedPolicy(contract, self._learner.layers)
