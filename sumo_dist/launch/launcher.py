@@ -127,17 +127,18 @@ class Launcher:
 
     def __exit__(self, *_: object) -> None:
         """Ask all to end, last started first; kill what does not, and say so."""
-        running = [each for each in reversed(self._services.values()) if each[1].poll() is None]
-        for _, process in running:
+        last_first = reversed(self._services.items())
+        running = {name: p for name, (_, p) in last_first if p.poll() is None}
+        for process in running.values():
             process.terminate()
         deadline = time.monotonic() + STOP_S
-        for service, process in running:
+        for name, process in running.items():
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)  # with what it has started itself
                 process.wait()
-                say(f"sumo-dist: {service.name} did not end within {STOP_S:g} s and was killed")
+                say(f"sumo-dist: {name} did not end within {STOP_S:g} s and was killed")
         for process in self._started:
             if (process.poll() or 0) < 0:  # killed: what it has started itself lives on
                 _end_group(process.pid)
