@@ -111,8 +111,10 @@ class Training:
         self.effort = Effort()
         if (folder / STATE).exists():
             self._restore()
-        elif start is not None:
-            self._begin_with(start)
+        elif start is not None and self._start is not None:
+            ppo = PPOConfig(**self._start.origin["trained"]["ppo"])
+            state = torch.load(start / STATE, weights_only=True)
+            self._learner.begin_with(state["learner"], ppo.deviations(task.actions))
 
     def __enter__(self) -> Self:
         return self
@@ -163,12 +165,6 @@ class Training:
         contract = Contract.of(self._problem, (0.0,), rate, origin)
         return LearnedPolicy(contract, self._learner.layers)
 
-    def _begin_with(self, start: Path) -> None:
-        """Take over the networks of the training in a folder."""
-        ppo = PPOConfig(**json.loads((start / REQUEST).read_text())["ppo"])
-        state = torch.load(start / STATE, weights_only=True)
-        self._learner.begin_with(state["learner"], ppo.deviations(self._problem.task.actions))
-
     def _keep(self) -> None:
         """Write down all that going on needs, and the policy as it is."""
         self.policy.save(self._folder / POLICY)
@@ -207,7 +203,7 @@ def state_hash(folder: Path) -> str:
     Raises:
         UsageError: there is none.
     """
-    missing = [name for name in (STATE, REQUEST, POLICY) if not (folder / name).is_file()]
+    missing = [name for name in (STATE, POLICY) if not (folder / name).is_file()]
     if missing:
         raise UsageError(f"{folder} holds no training to begin with: it has no {missing[0]}")
     return sha256((folder / STATE).read_bytes()).hexdigest()
