@@ -1,5 +1,6 @@
 """What the signals that end a process do to it: Ctrl-C, TERM, and HUP of a closed terminal."""
 
+import queue
 import signal
 import threading
 import time
@@ -28,6 +29,22 @@ def on_ending(handler: Handler) -> dict[int, Any]:
     deaf = (signal.SIG_IGN, None)  # None: somebody else's, who is not written in Python
     heard = [number for number in ENDING if signal.getsignal(number) not in deaf]
     return {number: signal.signal(number, handler) for number in heard}
+
+
+def set_on_ending(event: threading.Event) -> None:
+    """Let each of these signals set an event.
+
+    A handler runs in the main thread, wherever that is. Inside `event.wait` it may hold the event's
+    lock, which `event.set` waits for: so another thread sets it.
+    """
+    came: queue.SimpleQueue[int] = queue.SimpleQueue()  # its put waits for no lock
+
+    def set_it() -> None:
+        came.get()
+        event.set()
+
+    threading.Thread(target=set_it, daemon=True).start()
+    on_ending(lambda number, _: came.put(number))
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from sumo_dist import signals
-from sumo_dist.signals import ENDING, interruptible, on_ending, uninterrupted
+from sumo_dist.signals import ENDING, interruptible, on_ending, set_on_ending, uninterrupted
 
 
 @pytest.fixture(autouse=True)
@@ -71,3 +71,16 @@ def test_other_threads_change_no_handlers():
     thread.start()
     thread.join()
     assert found == [{}]
+
+
+def test_an_event_is_set_even_while_its_lock_is_held():
+    """As it is for moments of each `wait`, in which a robot spends most of its time."""
+    event, before = threading.Event(), {number: signal.getsignal(number) for number in ENDING}
+    set_on_ending(event)
+    try:
+        with event._cond:
+            signal.raise_signal(signal.SIGTERM)
+        assert event.wait(10.0)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

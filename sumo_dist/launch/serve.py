@@ -16,7 +16,7 @@ from sumo_dist.services import robot as robot_service
 from sumo_dist.services import router as router_service
 from sumo_dist.services import tracer as tracer_service
 from sumo_dist.services import worker as worker_service
-from sumo_dist.signals import on_ending
+from sumo_dist.signals import set_on_ending
 from sumo_dist.wire.audit import audited
 from sumo_dist.wire.session import is_secure
 
@@ -92,7 +92,7 @@ def service(first: bool = False) -> Iterator[threading.Event]:
     if first:
         go_first()
     stop = threading.Event()
-    on_ending(lambda *_: stop.set())
+    set_on_ending(stop)
     if parent := os.environ.get(PARENT):
         watch = threading.Thread(target=_outlive_no, args=(int(parent), stop), daemon=True)
         watch.start()
