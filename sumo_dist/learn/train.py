@@ -2,12 +2,14 @@
 
 import csv
 import json
+import pickle
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
@@ -70,6 +72,40 @@ class Effort:
     cpu_s: float = 0.0
 
 
+@dataclass(frozen=True)
+class _Start:
+    """Another training, as one that begins with it needs it.
+
+    Attributes:
+        contract: of its policy.
+        learner: the state of its learner.
+        deviations: (n,) of its first actions.
+    """
+
+    contract: Contract
+    learner: Mapping[str, Any]
+    deviations: np.ndarray
+
+    @classmethod
+    def read(cls, folder: Path, problem: Problem, hidden: tuple[int, ...]) -> Self:
+        """Read it for a training of a problem with hidden layers of these sizes.
+
+        Raises:
+            UsageError: it is damaged, or has other layers.
+            PolicyError: it is of another kind of task.
+        """
+        contract = read_contract(folder / POLICY)
+        contract.check(problem)
+        ppo = PPOConfig(**contract.origin["trained"]["ppo"])
+        if tuple(ppo.hidden) != hidden:
+            raise UsageError(
+                f"the networks in {folder} have hidden layers of {tuple(ppo.hidden)}, this "
+                f"training's of {hidden}: it can begin with the same only"
+            )
+        deviations = ppo.deviations(problem.task.actions)
+        return cls(contract, _read_state(folder)["learner"], deviations)
+
+
 class Training:
     """A training and its folder; a context manager."""
 
@@ -85,7 +121,9 @@ class Training:
             start: folder of the training that it begins with, which the request names.
 
         Raises:
-            UsageError: the folder holds another training, or the request does not fit the task.
+            UsageError: the folder holds another training or a damaged one, the training that it
+                should begin with is damaged or has other layers, or the request does not fit the
+                task.
             PolicyError: the training that it should begin with is of another kind of task.
         """
         _check(folder, request)
@@ -97,9 +135,9 @@ class Training:
         cost = task.table.adjusted(request.weight, request.param)
         for read in (request.ppo.deviations, request.ppo.standing):
             read(task.actions)  # refused before anything is begun
-        self._start = None if start is None else read_contract(start / POLICY)
-        if self._start is not None:
-            self._start.check(self._problem)
+        state = _read_state(folder) if (folder / STATE).exists() else None
+        hidden = request.ppo.hidden
+        self._start = None if start is None else _Start.read(start, self._problem, hidden)
         self._environment = Environment(
             *(self._problem, cost, request.environment, request.seed, threads, request.engine)
         )
@@ -109,12 +147,10 @@ class Training:
         self._learner = Learner(self._environment, request.ppo, request.seed)
         self._made_with = provenance()  # now: a checkout may change while this runs
         self.effort = Effort()
-        if (folder / STATE).exists():
-            self._restore()
-        elif start is not None and self._start is not None:
-            ppo = PPOConfig(**self._start.origin["trained"]["ppo"])
-            state = torch.load(start / STATE, weights_only=True)
-            self._learner.begin_with(state["learner"], ppo.deviations(task.actions))
+        if state is not None:
+            self._restore(state)
+        elif self._start is not None:
+            self._learner.begin_with(self._start.learner, self._start.deviations)
 
     def __enter__(self) -> Self:
         return self
@@ -159,7 +195,7 @@ class Training:
         }
         origin = {"trained": json.loads(self._request.to_json()), **taken, **self._made_with}
         if self._start is not None:  # what a policy has taken is all that it has taken
-            before = self._start.origin
+            before = self._start.contract.origin
             origin |= {name: round(before[name] + value, 2) for name, value in taken.items()}
             origin["began_with"] = before
         contract = Contract.of(self._problem, (0.0,), rate, origin)
@@ -177,8 +213,7 @@ class Training:
         torch.save(state, unfinished)
         unfinished.replace(self._folder / STATE)
 
-    def _restore(self) -> None:
-        state = torch.load(self._folder / STATE, weights_only=True)
+    def _restore(self, state: Mapping[str, Any]) -> None:
         self._environment.restore(_arrays(state["environment"]))
         self._learner.restore(state["learner"])
         self.effort = Effort(**state["effort"])
@@ -207,6 +242,23 @@ def state_hash(folder: Path) -> str:
     if missing:
         raise UsageError(f"{folder} holds no training to begin with: it has no {missing[0]}")
     return sha256((folder / STATE).read_bytes()).hexdigest()
+
+
+def _read_state(folder: Path) -> dict[str, Any]:
+    """Read what a training has come to.
+
+    Raises:
+        UsageError: the file is damaged.
+    """
+    try:
+        with ZipFile(folder / STATE) as parts:
+            whole = parts.testzip() is None  # torch does not compare the checksums
+        state = torch.load(folder / STATE, weights_only=True)
+        if whole and set(state) == {"effort", "environment", "learner"}:
+            return state
+    except (BadZipFile, OSError, RuntimeError, TypeError, ValueError, pickle.UnpicklingError):
+        pass
+    raise UsageError(f"{folder / STATE} is damaged: restore it from a copy, or train anew")
 
 
 def _check(folder: Path, request: Request) -> None:

@@ -138,7 +138,33 @@ def test_what_is_no_training_to_begin_with_is_refused(tmp_path):
     joints = replace(REQUEST, task="spot/joints_move_box", start=state_hash(tmp_path / "box"))
     with pytest.raises(PolicyError, match="a learned policy whose low level is"):
         train(tmp_path / "joints", 1, request=joints, start=tmp_path / "box")
+    wide = replace(REQUEST, ppo=replace(REQUEST.ppo, hidden=(32,)), seed=4)
+    with pytest.raises(
+        UsageError, match=r"have hidden layers of \(16,\), this training's of \(32,"
+    ):
+        train(tmp_path / "wide", 1, request=wide, start=tmp_path / "box")
     assert not (tmp_path / "joints").exists()
+    assert not (tmp_path / "wide").exists()
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "empty", "text", "another"])
+def test_a_state_that_is_damaged_is_refused(tmp_path, damage):
+    train(tmp_path / "box", 1)
+    file = tmp_path / "box" / "training.pt"
+    data = bytearray(file.read_bytes())
+    if damage == "changed":
+        data[len(data) // 2] ^= 1
+    whole = {"cut": data[: len(data) // 2], "changed": data, "empty": b"", "text": b"weights\n"}
+    if damage == "another":
+        torch.save({"weights": torch.zeros(3)}, file)
+    else:
+        file.write_bytes(whole[damage])
+    refusal = pytest.raises(UsageError, match=r"training\.pt is damaged: restore it from a copy")
+    with refusal:
+        train(tmp_path / "box", 2)
+    with refusal:
+        train(tmp_path / "second", 2, request=replace(REQUEST, seed=4), start=tmp_path / "box")
+    assert not (tmp_path / "second").exists()
 
 
 def test_a_folder_keeps_its_training(tmp_path):
