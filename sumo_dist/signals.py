@@ -21,6 +21,8 @@ Handler = Callable[[int, FrameType | None], Any]
 def on_ending(handler: Handler) -> dict[int, Any]:
     """Let a handler have these signals, but those that this process ignores, as under nohup.
 
+    It must wait for no lock: the main thread, which it interrupts, may hold that.
+
     Returns:
         The handlers before; none, and nothing is changed, outside the main thread.
     """
@@ -34,8 +36,8 @@ def on_ending(handler: Handler) -> dict[int, Any]:
 def set_on_ending(event: threading.Event) -> None:
     """Let each of these signals set an event.
 
-    A handler runs in the main thread, wherever that is. Inside `event.wait` it may hold the event's
-    lock, which `event.set` waits for: so another thread sets it.
+    Inside `event.wait` the main thread may hold the lock that `event.set` waits for: so another
+    thread sets it.
     """
     came: queue.SimpleQueue[int] = queue.SimpleQueue()  # its put waits for no lock
 

@@ -258,7 +258,9 @@ def _read_state(folder: Path) -> dict[str, Any]:
             return state
     except (BadZipFile, OSError, RuntimeError, TypeError, ValueError, pickle.UnpicklingError):
         pass
-    raise UsageError(f"{folder / STATE} is damaged: restore it from a copy, or train anew")
+    raise UsageError(
+        f"{folder / STATE} is damaged or unreadable: restore it from a copy, or train anew"
+    )
 
 
 def _check(folder: Path, request: Request) -> None:
